@@ -1,0 +1,1 @@
+//! The report: words, pictures and figures for a person.

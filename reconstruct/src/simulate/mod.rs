@@ -1,0 +1,1 @@
+//! Seeded crashes with known truth, written as CAN logs.

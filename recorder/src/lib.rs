@@ -1,0 +1,1 @@
+//! The svartboks recorder: CAN frames in, sealed crash records out.

@@ -1,0 +1,2 @@
+//! Command line of the recorder.
+fn main() {}

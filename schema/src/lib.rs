@@ -1,0 +1,34 @@
+//! The svartboks crash record.
+//!
+//! A recorder in a car keeps the last 40 seconds of motion as 80-bit samples; at a crash it freezes them
+//! and seals them into one file. This crate is that file and nothing else: no I/O beyond `Read` and
+//! `Write`, no linear algebra, no clock. In the order the data flows:
+//!
+//! 1. [`sample`]: eight physical values, and their eight 10-bit codes [S03, table 3.1].
+//! 2. [`scale`]: the two-slope scale between them, and the error feedback that keeps sums exact.
+//! 3. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate.
+//! 4. [`header`]: what a reader must know of the car, the sensors and the clocks.
+//! 5. [`parts`]: clipping, raw frames, auxiliary signals, health, triggers, completion.
+//! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic.
+//! 7. [`seal`]: the digest over every byte before it, and the signature's place.
+//!
+//! Every byte is laid down in `schema/FORMAT.md`.
+
+pub mod block;
+pub mod error;
+pub mod header;
+pub mod num;
+pub mod parts;
+pub mod record;
+pub mod sample;
+pub mod scale;
+pub mod seal;
+pub mod time;
+pub mod units;
+pub(crate) mod wire;
+
+pub use block::Block;
+pub use error::SchemaError;
+pub use header::Header;
+pub use record::Record;
+pub use sample::{Codes, Sample};

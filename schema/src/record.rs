@@ -1,0 +1,26 @@
+//! The whole sealed record: header, second blocks, parts, triggers, completion, seal.
+
+use crate::block::Block;
+use crate::header::Header;
+use crate::parts::{AuxChannel, Clip, Completion, Health, RawFrame, Trigger};
+
+/// A record in memory. [`Record::write`] seals it; `Record::read` gives it back, or an error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Header.
+    pub header: Header,
+    /// Second blocks in order of time.
+    pub blocks: Vec<Block>,
+    /// Clipped bins.
+    pub clipping: Vec<Clip>,
+    /// Raw frames about the triggers.
+    pub raw: Vec<RawFrame>,
+    /// Auxiliary signals.
+    pub aux: Vec<AuxChannel>,
+    /// Health.
+    pub health: Health,
+    /// Triggers in order of time; the first is t = 0.
+    pub triggers: Vec<Trigger>,
+    /// Completion.
+    pub completion: Completion,
+}
