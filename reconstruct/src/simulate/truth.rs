@@ -105,7 +105,8 @@ pub struct Facts {
     pub distance_m: f64,
     /// Gravity, m/s^2.
     pub gravity_mps2: f64,
-    /// A good moment for a manual trigger: the first impact, else the begin of the rest, s of the log.
+    /// A good moment for a manual trigger: the first impact, else the begin of the rest (40 s if the car never
+    /// moved), s of the log.
     pub trigger_at_s: f64,
 }
 
@@ -229,13 +230,18 @@ fn facts(
         }
     });
     let last = rows.last();
+    let rest_or_middle = if plan.still.is_some() {
+        40.0
+    } else {
+        motion.rest_t
+    };
     Facts {
         class: scenario.class.name().to_owned(),
         grade: scenario.grade.name().to_owned(),
         seed: scenario.seed,
         start_unix_s: scenario.start_unix_s,
         duration_s: last.map_or(0.0, |row| row.t_s),
-        trigger_at_s: impacts.first().map_or(motion.rest_t, |impact| impact.t_s),
+        trigger_at_s: impacts.first().map_or(rest_or_middle, |impact| impact.t_s),
         impacts,
         braking,
         rest_t_s: motion.rest_t,
@@ -294,19 +300,21 @@ impl Truth {
              pitch_deg,heading_deg,yaw_rate_degps,accel_forward_mps2,accel_right_mps2,t_from_impact_s\r\n",
         );
         for row in &self.rows {
+            let unix = num::real_i64(self.facts.start_unix_s) + row.t_s;
+            // Writing to a String cannot fail.
+            let _ = write!(text, "{:.2},{unix:.2}", row.t_s);
             let [n, e, d] = row.position;
             let [vn, ve, vd] = row.velocity;
-            let unix = num::real_i64(self.facts.start_unix_s) + row.t_s;
             let (roll, pitch) = (row.roll.to_degrees(), row.pitch.to_degrees());
             let (heading, rate) = (row.heading.to_degrees(), row.yaw_rate.to_degrees());
             let [forward, right, _] = row.accel;
-            // Writing to a String cannot fail.
-            let _ = write!(
-                text,
-                "{:.2},{unix:.2},{n:.4},{e:.4},{d:.4},{vn:.5},{ve:.5},{vd:.5},{:.5},{roll:.4},{pitch:.4},\
-                 {heading:.4},{rate:.4},{forward:.4},{right:.4},",
-                row.t_s, row.speed
-            );
+            for value in [
+                n, e, d, vn, ve, vd, row.speed, roll, pitch, heading, rate, forward, right,
+            ] {
+                // Adding zero turns -0 into 0.
+                let _ = write!(text, ",{:.5}", (value * 1e5).round() / 1e5 + 0.0);
+            }
+            text.push(',');
             if let Some(impact) = self.facts.impacts.first() {
                 let _ = write!(text, "{:.5}", row.t_s - impact.t_s);
             }
