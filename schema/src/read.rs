@@ -6,7 +6,7 @@ use crate::block::Block;
 use crate::bytes;
 use crate::check;
 use crate::error::{Fault, SchemaError};
-use crate::frame::{self, Head};
+use crate::frame::{self, Head, Tag};
 use crate::header::{FORMAT_VERSION, Header, Origin};
 use crate::limits;
 use crate::num;
@@ -223,6 +223,44 @@ impl Assembly {
             .map_err(|fault| fault.at(place, Some(num::u64_of(head.at))))?;
         self.blocks.push(block);
         Ok(())
+    }
+
+    /// The tags of the parts that were not found.
+    pub(crate) fn lost(&self) -> Vec<Tag> {
+        let found = [
+            (frame::BLOCK, !self.blocks.is_empty()),
+            (frame::CLIPPING, self.clipping.is_some()),
+            (frame::RAW, self.raw.is_some()),
+            (frame::AUX, self.aux.is_some()),
+            (frame::HEALTH, self.health.is_some()),
+            (frame::TRIGGERS, self.triggers.is_some()),
+            (frame::COMPLETION, self.completion.is_some()),
+        ];
+        found
+            .iter()
+            .filter(|(_, found)| !found)
+            .map(|(tag, _)| *tag)
+            .collect()
+    }
+
+    /// What was found; what was not is empty.
+    pub(crate) fn salvage(self) -> Record {
+        Record {
+            header: self.header,
+            blocks: self.blocks,
+            clipping: self.clipping.unwrap_or_default(),
+            raw: self.raw.unwrap_or_default(),
+            aux: self.aux.unwrap_or_default(),
+            health: self.health.unwrap_or_default(),
+            triggers: self.triggers.unwrap_or_default(),
+            completion: self.completion.unwrap_or_else(|| Completion {
+                complete: false,
+                reasons: vec![
+                    "the part that says whether the record is complete is damaged".to_owned(),
+                ],
+                ends_at_rest: false,
+            }),
+        }
     }
 
     /// The whole record; `head` is that of the seal, before which everything must stand.
