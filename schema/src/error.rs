@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum SchemaError {
     /// The file ends before the structure does.
-    #[error("{place}: offset {offset}: expected {expected} more bytes, found {found} before the end of the file")]
+    #[error(
+        "{place}: offset {offset}: expected {expected} more bytes, found {found} before the end of the file"
+    )]
     Truncated {
         /// Structure being read.
         place: String,
