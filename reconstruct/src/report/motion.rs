@@ -196,7 +196,7 @@ fn plots(r: &Reconstruction, z: f64) -> Vec<Plot> {
         range(&speed, 10.0, |_| false),
         quiet(&forward, 4.0),
         quiet(&right, 4.0),
-        range(&yaw, 10.0, |_| false),
+        quiet(&yaw, 10.0),
     ];
     let [r0, r1, r2, r3] = ranges;
     vec![

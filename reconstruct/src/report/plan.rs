@@ -145,12 +145,15 @@ fn body(r: &Reconstruction, view: View, prefix: &str) -> String {
         w: width() - 4.0,
         h: height() - 4.0,
     };
-    let line = ellipse::thinned(shown, 5).map(|s| frame.place(s)).collect();
+    let mut line: Vec<[f64; 2]> = ellipse::thinned(shown, 5).map(|s| frame.place(s)).collect();
+    if view == View::Close {
+        line.extend(marks::corners(&frame, r, shown));
+    }
     let mut placer = Placer::new(area, line);
     scale_bar(&mut svg, &frame, &mut placer);
     compass(&mut svg, r, &mut placer);
-    marks::events(&mut svg, &frame, r, shown, &mut placer);
-    marks::times(&mut svg, &frame, shown, &mut placer);
+    let named = marks::events(&mut svg, &frame, r, shown, &mut placer);
+    marks::times(&mut svg, &frame, shown, &named, &mut placer);
     svg.rect(
         [LEFT, TOP],
         [width(), height()],
@@ -224,7 +227,7 @@ fn frame(r: &Reconstruction, shown: &[State], view: View) -> Frame {
 
 fn grid(svg: &mut Svg, frame: &Frame) {
     let (foot, side) = (TOP + height(), LEFT + width());
-    let (ticks, step) = frame.east.ticks(8.0);
+    let (ticks, step) = frame.east.ticks(9.5);
     let digits = step_decimals(step);
     for x in ticks {
         let at = frame.east.at(x);

@@ -82,6 +82,22 @@ pub(crate) fn cars(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[St
     }
 }
 
+/// Points along the outlines drawn thick, for labels to keep off.
+pub(crate) fn corners(frame: &Frame, r: &Reconstruction, shown: &[State]) -> Vec<[f64; 2]> {
+    let impact = r.impacts.first().and_then(|i| visible(shown, i.t_s.value));
+    let mut points = Vec::new();
+    for s in impact.into_iter().chain(shown.last()) {
+        let ring = outline(frame, s);
+        for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
+            points.extend(
+                [0.0, 0.25, 0.5, 0.75]
+                    .map(|f| [a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1])]),
+            );
+        }
+    }
+    points
+}
+
 fn outline(frame: &Frame, s: &State) -> Vec<[f64; 2]> {
     let [length, width] = NOMINAL_CAR;
     [
@@ -126,14 +142,24 @@ pub(crate) fn dots(svg: &mut Svg, frame: &Frame, shown: &[State]) {
     }
 }
 
-/// Times beside the dots: each five seconds over the whole window, each second close up, while the car moves.
-pub(crate) fn times(svg: &mut Svg, frame: &Frame, shown: &[State], placer: &mut Placer) {
+/// Times beside the dots: each five seconds over the whole window, each second close up, while the car moves
+/// and where no named event stands already.
+pub(crate) fn times(
+    svg: &mut Svg,
+    frame: &Frame,
+    shown: &[State],
+    named: &[[f64; 2]],
+    placer: &mut Placer,
+) {
     let every = if frame.view == View::Overview { 5 } else { 1 };
     let mut before: Option<[f64; 2]> = None;
     for (s, second) in each_second(shown) {
         let at = frame.place(s);
         let apart = before.is_none_or(|b| (b[0] - at[0]).hypot(b[1] - at[1]) > 14.0);
-        if second % every == 0 && apart {
+        let free = named
+            .iter()
+            .all(|n| (n[0] - at[0]).hypot(n[1] - at[1]) > 16.0);
+        if second % every == 0 && apart && free {
             before = Some(at);
             let mut text = format!("{} s", signed(num::real_i64(second), 0));
             if second > 0 {
@@ -144,14 +170,14 @@ pub(crate) fn times(svg: &mut Svg, frame: &Frame, shown: &[State], placer: &mut 
     }
 }
 
-/// Start, onset of braking, impacts and rest, with their labels.
+/// Start, onset of braking, impacts and rest, with their labels; gives the places they stand at.
 pub(crate) fn events(
     svg: &mut Svg,
     frame: &Frame,
     r: &Reconstruction,
     shown: &[State],
     placer: &mut Placer,
-) {
+) -> Vec<[f64; 2]> {
     let mut labels: Vec<([f64; 2], Vec<String>)> = Vec::new();
     for (i, impact) in r.impacts.iter().enumerate() {
         let Some(s) = visible(shown, impact.t_s.value) else {
@@ -222,9 +248,10 @@ pub(crate) fn events(
             ],
         ));
     }
-    for (at, lines) in labels {
-        placer.label(svg, at, 15.0, true, &lines);
+    for (at, lines) in &labels {
+        placer.label(svg, *at, 15.0, true, lines);
     }
+    labels.into_iter().map(|(at, _)| at).collect()
 }
 
 fn impact_label(r: &Reconstruction, i: usize, impact: &Impact) -> Vec<String> {

@@ -32,7 +32,7 @@ fn motion(t: f64, v: f64) -> (f64, f64, f64) {
         t if t < -22.0 => (0.25, 0.02 * v, 0.02),
         t if t < -15.0 => (0.4, v * 0.16, 0.16),
         t if t < -9.0 => (0.1, -v * 0.14, -0.14),
-        t if t < -2.1 => (-0.1, 0.0, 0.003),
+        t if t < -1.2 => (-0.1, 0.0, 0.003),
         t if t < -0.012 => (-6.4 + 0.4 * (t * 9.0).sin(), -0.2, 0.01),
         t if t < 0.1 => {
             let shape = (TAU * 0.5 * (t + 0.012) / 0.112).sin();
@@ -46,7 +46,7 @@ fn motion(t: f64, v: f64) -> (f64, f64, f64) {
 /// 30 s before to 8 s after the trigger.
 pub(crate) fn reconstruction() -> Reconstruction {
     let dt = 0.01;
-    let (mut north, mut east, mut heading, mut speed) = (0.0_f64, 0.0_f64, 0.3_f64, 14.0_f64);
+    let (mut north, mut east, mut heading, mut speed) = (0.0_f64, 0.0_f64, 0.3_f64, 18.0_f64);
     let mut drift = 0.0_f64;
     let mut states = Vec::new();
     for k in 0..3800_u64 {
@@ -86,7 +86,7 @@ pub(crate) fn reconstruction() -> Reconstruction {
             sd_heading: 0.002 + 0.0004 * age,
             sd_accel: [0.12, 0.15],
             sd_yaw_rate: 0.01,
-            wheels_used: t < -2.7,
+            wheels_used: t < -1.8,
             bridged: (-18.4..-18.1).contains(&t),
         });
     }
@@ -139,13 +139,13 @@ fn findings(states: Vec<State>) -> Reconstruction {
             },
         }],
         braking: Some(Braking {
-            onset_t_s: figure(-2.11, 0.03),
+            onset_t_s: figure(-1.21, 0.03),
             mean_mps2: figure(6.42, 0.05),
             peak_mps2: figure(6.81, 0.08),
         }),
         distance_m: figure(distance, 1.9),
         start_speed_mps: figure(start.speed, 0.21),
-        top_speed_mps: figure(19.6, 0.18),
+        top_speed_mps: figure(23.4, 0.18),
         top_speed_t_s: -9.1,
         models: vec![
             answer("dead-reckoning", &start, 4.1, f64::INFINITY, onset.speed - 0.6),
@@ -158,7 +158,7 @@ fn findings(states: Vec<State>) -> Reconstruction {
         clipped_samples: 0,
         rest_pose: None,
         limits: vec![
-            "Wheel speeds were not used from 2.7 s before the trigger on: under hard braking they read low.".to_owned(),
+            "Wheel speeds were not used from 1.8 s before the trigger on: under hard braking they read low.".to_owned(),
             "15 samples of the motion sensor are missing between 18.2 and 18.1 s before the trigger and were bridged with wide noise.".to_owned(),
             "At 100 samples a second no SAE J211 channel frequency class is claimed.".to_owned(),
         ],

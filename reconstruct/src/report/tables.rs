@@ -38,7 +38,11 @@ fn cells(f: &Figure, factor: f64, most: usize, unit: &str) -> Vec<String> {
         .bounds
         .unwrap_or_else(|| ("none".to_owned(), "none".to_owned()));
     let minus = |s: String| s.replace('-', "\u{2212}");
-    vec![minus(shown.value), minus(low), minus(high), unit.to_owned()]
+    vec![
+        minus(format!("{} {unit}", shown.value)),
+        minus(low),
+        minus(high),
+    ]
 }
 
 /// Every figure with its bounds; speeds in km/h first, then m/s.
@@ -126,11 +130,7 @@ pub fn figures(r: &Reconstruction) -> String {
         &r.start_speed_mps,
     );
     speed(&mut rows, "Largest speed in the window", &r.top_speed_mps);
-    table(
-        "figures",
-        &["Figure", "Estimate", "Lower bound", "Upper bound", "Unit"],
-        &rows,
-    )
+    table("figures", &["Figure", "Estimate", "Lower", "Upper"], &rows)
 }
 
 /// The models side by side.

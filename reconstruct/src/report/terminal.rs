@@ -47,7 +47,7 @@ fn findings(r: &Reconstruction, out: &mut Vec<String>) {
         out.push(speed_line("Impact speed", &impact.speed_mps));
         let dv = &impact.delta_v;
         let name = if dv.lower_bound {
-            "Delta-V at least"
+            "Delta-V min."
         } else {
             "Delta-V"
         };
@@ -69,13 +69,13 @@ fn findings(r: &Reconstruction, out: &mut Vec<String>) {
                 .map(|i| crate::export::fixed::fixed(i.t_s.value, 2))
                 .collect();
             out.push(item(
-                "Further impacts",
+                "More impacts",
                 &format!("{} at t = {} s", r.impacts.len() - 1, times.join(", ")),
             ));
         }
     } else {
         out.push(item("Impact", "none found"));
-        out.push(speed_line("Largest speed", &r.top_speed_mps));
+        out.push(speed_line("Top speed", &r.top_speed_mps));
     }
     match &r.braking {
         Some(b) => {
@@ -160,7 +160,7 @@ fn exit_line(r: &Reconstruction, case: &Case<'_>, code: u8) -> String {
 }
 
 fn item(name: &str, text: &str) -> String {
-    format!("{name:<17}{text}")
+    format!("{name:<14}{text}")
 }
 
 fn speed_line(name: &str, f: &Figure) -> String {
