@@ -2,6 +2,32 @@
 
 use crate::trajectory::State;
 
+pub mod crash;
+pub mod limits;
+
+impl Figure {
+    /// A value with its sigma and the bounds `quantile` sigmas away.
+    #[must_use]
+    pub fn new(value: f64, sd: f64, quantile: f64) -> Self {
+        Self {
+            value,
+            sd,
+            low: value - quantile * sd,
+            high: value + quantile * sd,
+        }
+    }
+
+    /// The same, for a quantity that cannot be negative.
+    #[must_use]
+    pub fn non_negative(value: f64, sd: f64, quantile: f64) -> Self {
+        let figure = Self::new(value, sd, quantile);
+        Self {
+            low: figure.low.max(0.0),
+            ..figure
+        }
+    }
+}
+
 /// A number with its uncertainty: nothing is printed without it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {

@@ -1,7 +1,27 @@
 //! The svartboks reconstructor: a sealed record back into what happened, with its uncertainty.
 
+pub mod constraint;
+pub mod dead_reckoning;
+pub mod epochs;
+pub mod error;
+pub mod error_model;
 pub mod export;
+pub mod filter;
 pub mod findings;
+pub mod frame;
+pub mod funnel;
+pub mod kalman;
+pub mod matrix;
+pub mod mechanize;
+pub mod motion;
+pub mod published;
 pub mod report;
+pub mod rest;
+pub mod road;
+pub mod run;
 pub mod simulate;
+pub mod start;
+pub mod stats;
 pub mod trajectory;
+
+pub use error::ReconstructError;

@@ -24,3 +24,18 @@ pub struct Record {
     /// Completion.
     pub completion: Completion,
 }
+/// tmp
+pub struct G { /// i
+pub index: u64, /// r
+pub rate_hz: u8, /// s
+pub sample: crate::Sample }
+impl Record {
+    /// tmp
+    pub fn samples(&self) -> std::vec::IntoIter<G> { vec![].into_iter() }
+    /// tmp
+    pub fn time_s(&self, _: u64) -> f64 { 0.0 }
+    /// tmp
+    pub fn monotonic_ns(&self, _: u64) -> i64 { 0 }
+    /// tmp
+    pub fn first_index(&self) -> u64 { 0 }
+}

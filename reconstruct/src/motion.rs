@@ -1,0 +1,292 @@
+//! A first look at the motion: attitude from the gyros alone, acceleration free of gravity, and from them the
+//! pulses and the stretches in which a sensor must not be believed.
+
+use nalgebra::Vector3;
+use schema::num::real;
+use schema::parts::{Trigger, TriggerKind};
+
+use crate::epochs::{Epochs, Reversed};
+use crate::frame::{Body, Nav, Rot, Vec3};
+use crate::mechanize::free_of_gravity;
+use crate::start::Start;
+
+/// Onset and end of a pulse: 0.8 km/h within 20 ms [49 CFR 563.5], as an acceleration, m/s^2.
+const PULSE_ACCEL: f64 = 0.8 / 3.6 / 0.020;
+/// A pulse is an impact if it changes the velocity by 8 km/h within 150 ms [49 CFR 563, UN R160], m/s.
+const IMPACT_DELTA_V: f64 = 8.0 / 3.6;
+const IMPACT_WINDOW_S: f64 = 0.150;
+/// A peak or CAN trigger makes an impact of half that already.
+const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
+/// Quiet time that separates two pulses, s.
+const PULSE_GAP_S: f64 = 0.050;
+
+/// Deceleration (250 ms mean) above which a braked wheel slips, m/s^2, and how long before that slip begins, s.
+const BRAKING: f64 = 2.0;
+const SLIP_LEAD_S: f64 = 0.6;
+/// Wheels are left alone for this long after a disturbance, s.
+const SETTLE_S: f64 = 0.3;
+/// Wheels are left alone for this long after an impact, s.
+const SETTLE_IMPACT_S: f64 = 1.0;
+/// Lateral acceleration (250 ms mean, m/s^2) and yaw rate (rad/s) of a car that no longer simply rolls.
+const LATERAL: f64 = 6.0;
+const SPIN: f64 = 1.0;
+/// Specific force of a car in the air, m/s^2.
+const AIRBORNE: f64 = 3.0;
+
+/// One pulse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// First and last epoch above the threshold.
+    pub first: usize,
+    /// Last epoch above the threshold.
+    pub last: usize,
+    /// Onset, interpolated within the sample, s.
+    pub onset_s: f64,
+    /// One sigma of the onset, s.
+    pub onset_sd_s: f64,
+    /// The last epoch that ends at or before the onset.
+    pub before: usize,
+    /// End of the pulse, s.
+    pub end_s: f64,
+    /// Mean acceleration just before the onset, body axes, m/s^2.
+    pub base: Vector3<f64>,
+}
+
+/// The first look.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// Acceleration free of gravity at mid-epoch, body axes, m/s^2.
+    pub accel: Vec<Vector3<f64>>,
+    /// Rate with the bias taken off, rad/s.
+    pub rate: Vec<Vector3<f64>>,
+    /// 250 ms mean of the acceleration.
+    pub smooth: Vec<Vector3<f64>>,
+    /// Impacts in order of time.
+    pub impacts: Vec<Pulse>,
+    /// Wheels must not be believed.
+    pub wheels_bad: Vec<bool>,
+    /// An impact lies before this epoch: a wheel may be bent.
+    pub after_impact: Vec<bool>,
+}
+
+impl Motion {
+    /// Looks at all epochs, backwards from the start.
+    #[must_use]
+    pub fn look(
+        reversed: &Reversed<'_>,
+        start: &Start,
+        gravity: f64,
+        triggers: &[Trigger],
+    ) -> Self {
+        let epochs = reversed.forward();
+        let n = epochs.list.len();
+        let mut accel = vec![Vector3::zeros(); n];
+        let mut rate = vec![Vector3::zeros(); n];
+        let mut c: Rot<Nav, Body> = start.nav.c_nb;
+        for (k, epoch) in reversed.iter() {
+            let w = Vec3::<Body>::from(epoch.rate - start.rate_bias);
+            if k <= start.k {
+                let mid = c.turned(w.scale(-0.5 * epoch.dt));
+                accel[k] = free_of_gravity(&(epoch.accel - start.accel_bias), &mid, gravity);
+                c = mid.turned(w.scale(-0.5 * epoch.dt));
+            } else {
+                accel[k] = free_of_gravity(&(epoch.accel - start.accel_bias), &c, gravity);
+            }
+            rate[k] = w.v;
+        }
+        let smooth = centred_mean(epochs, &accel, 0.25);
+        let mut motion = Self {
+            accel,
+            rate,
+            smooth,
+            impacts: Vec::new(),
+            wheels_bad: vec![false; n],
+            after_impact: vec![false; n],
+        };
+        motion.impacts = motion.find_impacts(epochs, triggers);
+        motion.mark_wheels(epochs);
+        motion
+    }
+
+    fn find_impacts(&self, epochs: &Epochs, triggers: &[Trigger]) -> Vec<Pulse> {
+        let list = &epochs.list;
+        let above: Vec<bool> = (0..list.len())
+            .map(|k| {
+                let previous = k.saturating_sub(1);
+                if list[k].dt > 0.011 {
+                    return self.accel[k].xy().norm() > PULSE_ACCEL;
+                }
+                ((self.accel[k] + self.accel[previous]) * 0.5).xy().norm() > PULSE_ACCEL
+                    && self.accel[k].xy().norm() > 0.5 * PULSE_ACCEL
+            })
+            .collect();
+        let mut pulses: Vec<(usize, usize)> = Vec::new();
+        for k in (0..list.len()).filter(|&k| above[k]) {
+            match pulses.last_mut() {
+                Some(pulse) if list[k].t_s - list[pulse.1].t_s < PULSE_GAP_S => pulse.1 = k,
+                _ => pulses.push((k, k)),
+            }
+        }
+        pulses
+            .into_iter()
+            .filter(|&(first, last)| self.is_impact(epochs, triggers, first, last))
+            .map(|(first, last)| self.pulse(epochs, first, last))
+            .collect()
+    }
+
+    fn is_impact(&self, epochs: &Epochs, triggers: &[Trigger], first: usize, last: usize) -> bool {
+        let list = &epochs.list;
+        let mut best: f64 = 0.0;
+        for from in first..=last {
+            let mut sum = Vector3::zeros();
+            let mut length = 0.0;
+            for k in from..list.len() {
+                length += list[k].dt;
+                if length > IMPACT_WINDOW_S + 0.001 {
+                    break;
+                }
+                sum += self.accel[k] * list[k].dt;
+                best = best.max(sum.xy().norm());
+            }
+        }
+        let zero_ns = triggers.first().map_or(0, |t| t.monotonic_ns);
+        let triggered = triggers.iter().any(|t| {
+            let t_s = schema::num::real_i64(t.monotonic_ns - zero_ns) * 1e-9;
+            matches!(t.kind, TriggerKind::Peak | TriggerKind::Can)
+                && t_s > list[first].t_s - 0.05
+                && t_s < list[last].t_s + 0.2
+        });
+        best >= if triggered {
+            TRIGGERED_DELTA_V
+        } else {
+            IMPACT_DELTA_V
+        }
+    }
+
+    /// Onset and end of a pulse. The acceleration leaves its level before the pulse along a ramp; the onset is
+    /// where that ramp, drawn back from the first two bins that stand clear of the level, meets it.
+    fn pulse(&self, epochs: &Epochs, first: usize, last: usize) -> Pulse {
+        let list = &epochs.list;
+        let far = first.saturating_sub(12);
+        let near = first.saturating_sub(3).max(far + 1).min(first.max(1));
+        let mut base = Vector3::zeros();
+        for a in &self.accel[far..near] {
+            base += a / real(near - far);
+        }
+        let mut spread: f64 = self.accel[far..near]
+            .iter()
+            .map(|a| (a - base).xy().norm_squared())
+            .sum();
+        spread = (spread / real((near - far).max(1))).sqrt();
+        let clear = (4.0 * spread).max(1.5);
+        let departs = |k: usize| (self.accel[k] - base).xy().norm() > clear;
+        let mut k = first;
+        while k > near && departs(k - 1) {
+            k -= 1;
+        }
+        let (onset_s, before) = ramp(list, k, |i| (self.accel[i] - base).xy().norm());
+        let dt = list[k].dt;
+        Pulse {
+            first,
+            last,
+            onset_s,
+            onset_sd_s: 0.35 * dt,
+            before,
+            end_s: list[last].t_s,
+            base,
+        }
+    }
+
+    fn mark_wheels(&mut self, epochs: &Epochs) {
+        let list = &epochs.list;
+        let n = list.len();
+        let mut mark = |centre: usize, before: f64, after: f64| {
+            let t = list[centre].t_s;
+            for k in (0..=centre).rev() {
+                if t - list[k].t_s > before {
+                    break;
+                }
+                self.wheels_bad[k] = true;
+            }
+            for k in centre..n {
+                if list[k].t_s - t > after {
+                    break;
+                }
+                self.wheels_bad[k] = true;
+            }
+        };
+        for k in 0..n {
+            let airborne = list[k].accel.norm() < AIRBORNE && list[k].measured[..3] == [true; 3];
+            if self.smooth[k].x < -BRAKING
+                || self.smooth[k].y.abs() > LATERAL
+                || self.rate[k].z.abs() > SPIN
+                || airborne
+            {
+                mark(k, SLIP_LEAD_S, SETTLE_S);
+            }
+        }
+        for pulse in &self.impacts {
+            mark(pulse.first, SLIP_LEAD_S, SETTLE_IMPACT_S);
+            mark(pulse.last, SLIP_LEAD_S, SETTLE_IMPACT_S);
+        }
+        if let Some(pulse) = self.impacts.first() {
+            for k in pulse.first..n {
+                self.after_impact[k] = true;
+            }
+        }
+    }
+}
+
+/// Start of a ramp: time and the last epoch that ends at or before it. `size(k)` is the departure of bin `k`,
+/// the first that is clear of the level.
+fn ramp(list: &[crate::epochs::Epoch], k: usize, size: impl Fn(usize) -> f64) -> (f64, usize) {
+    let epoch = &list[k];
+    let bin_start = epoch.t_s - epoch.dt;
+    let after = list.get(k + 1).map_or(0.0, |_| size(k + 1));
+    // A ramp of slope s that starts at fraction u of this bin has a mean of s dt (1-u)^2 / 2 in it and of
+    // s dt (3/2 - u) in the next; their ratio gives u.
+    let ratio = if after > 0.0 {
+        (size(k) / after).min(1.0)
+    } else {
+        1.0
+    };
+    let p = 1.0 - ratio;
+    // (1-u)^2 = 2 ratio (3/2 - u)  =>  u^2 - 2 p u + (1 - 3 ratio) = 0
+    let root = (p * p - (1.0 - 3.0 * ratio)).max(0.0).sqrt();
+    let u = if ratio >= 1.0 / 3.0 {
+        0.0
+    } else {
+        (p - root).clamp(0.0, 1.0)
+    };
+    let onset = bin_start + u * epoch.dt;
+    (onset, k.saturating_sub(1))
+}
+
+/// Mean over a window centred on each epoch, body axes.
+fn centred_mean(epochs: &Epochs, values: &[Vector3<f64>], window_s: f64) -> Vec<Vector3<f64>> {
+    let list = &epochs.list;
+    let n = list.len();
+    let mut out = Vec::with_capacity(n);
+    let (mut from, mut to) = (0, 0);
+    let mut sum = Vector3::zeros();
+    let mut length = 0.0;
+    for k in 0..n {
+        let middle = list[k].t_s - 0.5 * list[k].dt;
+        while to < n && list[to].t_s - 0.5 * list[to].dt <= middle + 0.5 * window_s {
+            sum += values[to] * list[to].dt;
+            length += list[to].dt;
+            to += 1;
+        }
+        while list[from].t_s - 0.5 * list[from].dt < middle - 0.5 * window_s {
+            sum -= values[from] * list[from].dt;
+            length -= list[from].dt;
+            from += 1;
+        }
+        out.push(if length > 0.0 {
+            sum / length
+        } else {
+            values[k]
+        });
+    }
+    out
+}
