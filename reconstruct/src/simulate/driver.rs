@@ -81,7 +81,11 @@ impl Driver {
             self.target = next.speed;
             self.next_target += 1;
         }
-        let wanted = ((self.target - self.speed) / 1.5).clamp(-plan.drive_decel, plan.drive_accel);
+        let wanted = if self.target > 0.0 {
+            ((self.target - self.speed) / 1.5).clamp(-plan.drive_decel, plan.drive_accel)
+        } else {
+            -plan.drive_decel
+        };
         let cruise = self.cruise.step(wanted);
         let mut accel = self
             .command

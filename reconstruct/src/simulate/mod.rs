@@ -19,6 +19,7 @@ mod config;
 mod draw;
 mod driver;
 pub mod errors;
+mod files;
 mod motion;
 mod process;
 mod pulse;
@@ -65,6 +66,14 @@ pub enum SimulateError {
         value: f64,
         /// What it may be.
         expected: &'static str,
+    },
+    /// A file could not be written.
+    #[error("{path}: {message}")]
+    Write {
+        /// Which.
+        path: String,
+        /// What the system said.
+        message: String,
     },
     /// The car did not come to rest.
     #[error(

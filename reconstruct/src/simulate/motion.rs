@@ -32,8 +32,8 @@ const RELEASE: f64 = 0.15;
 const FRICTION_SPEED: f64 = 0.15;
 /// Below this yaw rate the spin's friction is viscous, rad/s.
 const FRICTION_RATE: f64 = 0.1;
-/// Time a log goes on after the last impact, s: the recorder's 10 s and its rest.
-const AFTER_IMPACT: f64 = 12.5;
+/// Time a log goes on after the last impact, or after the stop, s: the recorder's 10 s and its rest.
+const AFTER_EVENT: f64 = 12.5;
 /// Time constant of a wheel that follows the road, s.
 const WHEEL_TIME: f64 = 0.015;
 /// Run-down of a wheel in the air, s.
@@ -144,7 +144,6 @@ pub(super) fn integrate(scenario: &Scenario) -> Result<Motion, SimulateError> {
         .iter()
         .map(|impact| impact.t)
         .fold(0.0, f64::max);
-    let stops_by_itself = plan.impacts.is_empty() && plan.still.is_none();
     loop {
         let t = node_time(nodes.len());
         let (node, settled) = simulation.step(t, true);
@@ -152,13 +151,14 @@ pub(super) fn integrate(scenario: &Scenario) -> Result<Motion, SimulateError> {
         if !settled {
             rest_t = t + STEP;
         }
-        let mut end = (rest_t + plan.rest).max(plan.still.unwrap_or(0.0));
-        if !plan.impacts.is_empty() {
-            end = end.max(last_event + AFTER_IMPACT);
-        } else if stops_by_itself {
-            end =
-                end.max(plan.braking.as_ref().map_or(LONGEST, |braking| braking.t) + AFTER_IMPACT);
-        }
+        let event = if plan.impacts.is_empty() {
+            rest_t
+        } else {
+            last_event
+        };
+        let end = plan
+            .still
+            .unwrap_or_else(|| (rest_t + plan.rest).max(event + AFTER_EVENT));
         let whole_bin = nodes.len() % STEPS_PER_BIN == 2;
         if t > end && whole_bin {
             return Ok(Motion { nodes, rest_t });

@@ -105,7 +105,8 @@ pub struct Facts {
     pub distance_m: f64,
     /// Gravity, m/s^2.
     pub gravity_mps2: f64,
-    /// A good moment for a manual trigger: the first impact, else the begin of the rest, s of the log.
+    /// A good moment for a manual trigger: the first impact, else the begin of the rest (40 s if the car never
+    /// moved), s of the log.
     pub trigger_at_s: f64,
 }
 
@@ -229,13 +230,18 @@ fn facts(
         }
     });
     let last = rows.last();
+    let rest_or_middle = if plan.still.is_some() {
+        40.0
+    } else {
+        motion.rest_t
+    };
     Facts {
         class: scenario.class.name().to_owned(),
         grade: scenario.grade.name().to_owned(),
         seed: scenario.seed,
         start_unix_s: scenario.start_unix_s,
         duration_s: last.map_or(0.0, |row| row.t_s),
-        trigger_at_s: impacts.first().map_or(motion.rest_t, |impact| impact.t_s),
+        trigger_at_s: impacts.first().map_or(rest_or_middle, |impact| impact.t_s),
         impacts,
         braking,
         rest_t_s: motion.rest_t,
