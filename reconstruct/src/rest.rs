@@ -184,18 +184,27 @@ fn quiet(epochs: &Epochs, window: &[Epoch], gravity: f64) -> Result<Means, Strin
         level > ACCEL_VARIANCE || var_a[down] > ACCEL_Z_VARIANCE
     };
     if loud {
-        return Err(format!("accelerations vary by {:.2} m/s^2", var_a.sum().sqrt()));
+        return Err(format!(
+            "accelerations vary by {:.2} m/s^2",
+            var_a.sum().sqrt()
+        ));
     }
     if var_w.amax() > RATE_VARIANCE {
-        return Err(format!("rates vary by {:.2} deg/s", var_w.amax().sqrt().to_degrees()));
+        return Err(format!(
+            "rates vary by {:.2} deg/s",
+            var_w.amax().sqrt().to_degrees()
+        ));
     }
     for quarter in window.chunks(window.len().div_ceil(4)) {
         let slow = means(quarter);
         // A quarter of a second holds few turns of a slow idle: a third of what shakes may be left in its mean.
-        let drifts = |x: f64, variance: f64, bound: f64| x.abs() > bound.max(0.33 * variance.sqrt());
+        let drifts =
+            |x: f64, variance: f64, bound: f64| x.abs() > bound.max(0.33 * variance.sqrt());
         let accel = slow.accel - m.accel;
         let rate = slow.rate - m.rate;
-        if (0..3).any(|i| drifts(accel[i], var_a[i], ACCEL_SLOW) || drifts(rate[i], var_w[i], RATE_SLOW)) {
+        if (0..3)
+            .any(|i| drifts(accel[i], var_a[i], ACCEL_SLOW) || drifts(rate[i], var_w[i], RATE_SLOW))
+        {
             return Err("accelerations or rates drift within its last second".to_owned());
         }
     }

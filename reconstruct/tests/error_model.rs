@@ -8,8 +8,8 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 use reconstruct::error_model::{
-    ATT, BA, BG, CONSIDERED, CORIOLIS, MOUNT_YAW, Nine, Noise, POS, SA, SG, STATES, VEL, continuous,
-    predict_backward,
+    ATT, BA, BG, CONSIDERED, CORIOLIS, MOUNT_YAW, Nine, Noise, POS, SA, SG, STATES, VEL,
+    continuous, predict_backward,
 };
 use reconstruct::frame::{Body, Nav, Rot, Vec3, exp_so3};
 use reconstruct::matrix::{expm, van_loan};
@@ -61,7 +61,8 @@ fn sparse_step_meets_the_exponential_and_van_loan() {
         let n = STATES + CONSIDERED;
         let mut big = DMatrix::zeros(n, n);
         big.view_mut((0, 0), (STATES, STATES)).copy_from(&f);
-        big.view_mut((0, STATES), (STATES, CONSIDERED)).copy_from(&b);
+        big.view_mut((0, STATES), (STATES, CONSIDERED))
+            .copy_from(&b);
         let step = expm(&(-&big * h)).unwrap();
         let noise = Noise {
             accel: 0.7,
@@ -140,7 +141,10 @@ fn continuous_model_meets_finite_differences() {
         let mut found = difference(&hat, &after) / dt / small;
         found.fixed_rows_mut::<3>(POS).fill(0.0);
         let want = b.column(j);
-        assert!((found - want).norm() < 5e-3, "considered {j}: {found} {want}");
+        assert!(
+            (found - want).norm() < 5e-3,
+            "considered {j}: {found} {want}"
+        );
     }
     assert_eq!(b[(VEL, CORIOLIS)], 1.0);
     assert_eq!(b[(VEL + 1, CORIOLIS + 1)], 1.0);

@@ -25,17 +25,29 @@ pub struct Record {
     pub completion: Completion,
 }
 /// tmp
-pub struct G { /// i
-pub index: u64, /// r
-pub rate_hz: u8, /// s
-pub sample: crate::Sample }
+pub struct G {
+    /// i
+    pub index: u64,
+    /// r
+    pub rate_hz: u8,
+    /// s
+    pub sample: crate::Sample,
+}
 impl Record {
     /// tmp
-    pub fn samples(&self) -> std::vec::IntoIter<G> { vec![].into_iter() }
+    pub fn samples(&self) -> std::vec::IntoIter<G> {
+        vec![].into_iter()
+    }
     /// tmp
-    pub fn time_s(&self, _: u64) -> f64 { 0.0 }
+    pub fn time_s(&self, _: u64) -> f64 {
+        0.0
+    }
     /// tmp
-    pub fn monotonic_ns(&self, _: u64) -> i64 { 0 }
+    pub fn monotonic_ns(&self, _: u64) -> i64 {
+        0
+    }
     /// tmp
-    pub fn first_index(&self) -> u64 { 0 }
+    pub fn first_index(&self) -> u64 {
+        0
+    }
 }

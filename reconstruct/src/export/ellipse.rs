@@ -8,6 +8,7 @@ use i_overlay::float::simplify::SimplifyShape;
 use schema::num;
 
 use crate::findings::RestPose;
+use crate::stats::ellipse_radius;
 use crate::trajectory::State;
 
 /// A point in the local level plane: north, east, m.
@@ -69,7 +70,7 @@ impl Ellipse {
     /// covariance's eigenvectors scaled by sqrt(-2 ln(1 - confidence)).
     #[must_use]
     pub fn new(centre: Point, p: Covariance, confidence: f64) -> Self {
-        let k = (-2.0 * (1.0 - confidence).ln()).sqrt();
+        let k = ellipse_radius(confidence);
         let mean = f64::midpoint(p.north, p.east);
         let spread = (0.5 * (p.north - p.east)).hypot(p.cross);
         Self {

@@ -1,7 +1,7 @@
 //! The report: words, pictures and figures for a person, and the same for a machine.
 //!
 //! 1. [`case`]: which record, and in what state it was found.
-//! 2. [`number`]: numbers rounded to their uncertainty; [`quantile`]: how wide a band of the chosen confidence is.
+//! 2. [`number`]: numbers rounded to their uncertainty.
 //! 3. [`summary`]: `summary.json`; its JSON Schema is [`SUMMARY_SCHEMA`].
 //! 4. [`words`]: the findings as sentences a judge can read.
 //! 5. [`svg`], [`axis`], [`labels`]: drawing; [`plan`]: `path.svg`; [`motion`], [`panel`]: `motion.svg`.
@@ -16,7 +16,6 @@ pub mod page;
 pub mod panel;
 pub mod plan;
 pub(crate) mod plan_marks;
-pub mod quantile;
 #[cfg(test)]
 pub(crate) mod sample_case;
 pub mod summary;

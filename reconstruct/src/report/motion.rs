@@ -6,8 +6,8 @@ use crate::findings::Reconstruction;
 use crate::report::labels::Area;
 use crate::report::number::{self, KMH};
 use crate::report::panel::{Panel, Series, hatch};
-use crate::report::quantile::half_width;
 use crate::report::svg::{self, Anchor, Svg, signed, text_width};
+use crate::stats::two_sided_quantile;
 use crate::trajectory::State;
 
 const BLUE: &str = "#1f5a96";
@@ -58,7 +58,7 @@ pub fn picture(r: &Reconstruction, layout: Layout, prefix: &str) -> String {
             &svg.into_body(),
         );
     };
-    let z = half_width(r.confidence);
+    let z = two_sided_quantile(r.confidence);
     let shaded = shaded(r);
     let plots = plots(r, z);
     let events = events(r);
