@@ -29,12 +29,20 @@ const ACCEL_DRIFT: f64 = 0.15;
 const RATE_DRIFT: f64 = 0.007;
 /// Length of the window, s.
 const WINDOW_S: f64 = 1.0;
+/// The springs still rock when the wheels stand: the first second of a rest (at most this share of it) is not
+/// used for levelling, and the backward pass starts behind it.
+const SETTLE_S: f64 = 1.2;
+const SETTLE_SHARE: f64 = 0.35;
 
 /// The final rest of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestInterval {
     /// First and one-past-last epoch of the rest, in recording order; empty if there is none.
     pub range: std::ops::Range<usize>,
+    /// First epoch of its settled part, whose means are given below.
+    pub settled: usize,
+    /// Length of the settled part, s.
+    pub settled_s: f64,
     /// Length, s.
     pub duration_s: f64,
     /// Mean specific force over it, m/s^2.
@@ -64,6 +72,8 @@ pub fn find(epochs: &Epochs, gravity: f64) -> RestInterval {
     let list = &epochs.list;
     let none = |reason: String| RestInterval {
         range: 0..0,
+        settled: 0,
+        settled_s: 0.0,
         duration_s: 0.0,
         accel: Vector3::zeros(),
         rate: Vector3::zeros(),
@@ -104,9 +114,13 @@ pub fn find(epochs: &Epochs, gravity: f64) -> RestInterval {
     let rest = &list[from..end];
     let duration_s = rest.iter().map(|e| e.dt).sum();
     let wheels = rest.iter().any(|e| e.wheels.iter().any(Option::is_some));
-    let means = means(rest);
+    let skip = SETTLE_S.min(SETTLE_SHARE * duration_s);
+    let settled = from + list[from..end].partition_point(|e| e.t_s < list[from].t_s + skip);
+    let means = means(&list[settled..end]);
     RestInterval {
         range: from..end,
+        settled,
+        settled_s: duration_s - skip,
         duration_s,
         accel: means.accel,
         rate: means.rate,

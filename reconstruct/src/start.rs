@@ -77,7 +77,7 @@ pub fn at_rest(epochs: &Epochs, rest: &RestInterval, earth: &Earth) -> Start {
     let imu = &epochs.header.imu;
     let c_nb = level(&rest.accel);
     let mut d = considered(epochs, earth);
-    let seconds = rest.duration_s.max(0.01);
+    let seconds = rest.settled_s.max(0.01);
     let drift = (RATE_BIAS_DRIFT * imu.rate_bias).powi(2);
     for axis in 0..3 {
         d[BG + axis] = imu.rate_density.powi(2) / seconds + drift;
@@ -117,7 +117,7 @@ pub fn at_rest(epochs: &Epochs, rest: &RestInterval, earth: &Earth) -> Start {
     }
     let rest_earth_b = c_nb.m.transpose() * earth.rate_n.v;
     Start {
-        k: rest.range.start,
+        k: rest.settled,
         nav: Nav9 {
             r_n: Vec3::zero(),
             v_n: Vec3::zero(),
