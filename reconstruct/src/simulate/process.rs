@@ -66,7 +66,12 @@ pub(super) struct Correlated {
     lag: f64,
     noise: f64,
     state: [f64; 3],
+    held: f64,
+    left: u8,
 }
+
+/// Steps for which one draw of the driving noise is held; short against every correlation length.
+const HOLD: u8 = 10;
 
 impl Correlated {
     /// Stationary standard deviation `sd`; 1/e at `correlation` (m or s, whatever the steps are in). It
@@ -79,9 +84,11 @@ impl Correlated {
             lag,
             noise,
             state: [0.0; 3],
+            held: 0.0,
+            left: 0,
         };
-        for _ in 0..400 {
-            process.step(lag / 25.0, random);
+        for _ in 0..2000 {
+            process.step(lag / 125.0, random);
         }
         process
     }
@@ -89,7 +96,13 @@ impl Correlated {
     /// One step of length `ds` (not negative).
     pub(super) fn step(&mut self, ds: f64, random: &mut Random) -> f64 {
         let gain = ds / self.lag;
-        let drive = self.noise * ds.sqrt() / self.lag * random.normal();
+        if self.left == 0 {
+            self.held = random.normal();
+            self.left = HOLD;
+        }
+        self.left -= 1;
+        // Held for n steps, white noise of variance q ds a step becomes one of n q ds, spread over n.
+        let drive = self.noise * (ds / f64::from(HOLD)).sqrt() / self.lag * self.held;
         self.state[0] += drive - gain * self.state[0];
         self.state[1] += gain * (self.state[0] - self.state[1]);
         self.state[2] += gain * (self.state[1] - self.state[2]);

@@ -300,19 +300,21 @@ impl Truth {
              pitch_deg,heading_deg,yaw_rate_degps,accel_forward_mps2,accel_right_mps2,t_from_impact_s\r\n",
         );
         for row in &self.rows {
+            let unix = num::real_i64(self.facts.start_unix_s) + row.t_s;
+            // Writing to a String cannot fail.
+            let _ = write!(text, "{:.2},{unix:.2}", row.t_s);
             let [n, e, d] = row.position;
             let [vn, ve, vd] = row.velocity;
-            let unix = num::real_i64(self.facts.start_unix_s) + row.t_s;
             let (roll, pitch) = (row.roll.to_degrees(), row.pitch.to_degrees());
             let (heading, rate) = (row.heading.to_degrees(), row.yaw_rate.to_degrees());
             let [forward, right, _] = row.accel;
-            // Writing to a String cannot fail.
-            let _ = write!(
-                text,
-                "{:.2},{unix:.2},{n:.4},{e:.4},{d:.4},{vn:.5},{ve:.5},{vd:.5},{:.5},{roll:.4},{pitch:.4},\
-                 {heading:.4},{rate:.4},{forward:.4},{right:.4},",
-                row.t_s, row.speed
-            );
+            for value in [
+                n, e, d, vn, ve, vd, row.speed, roll, pitch, heading, rate, forward, right,
+            ] {
+                // Adding zero turns -0 into 0.
+                let _ = write!(text, ",{:.5}", (value * 1e5).round() / 1e5 + 0.0);
+            }
+            text.push(',');
             if let Some(impact) = self.facts.impacts.first() {
                 let _ = write!(text, "{:.5}", row.t_s - impact.t_s);
             }
