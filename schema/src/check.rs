@@ -184,7 +184,7 @@ pub(crate) fn clip(number: usize, clip: &Clip) -> Result<(), Fault> {
     if clip.axis > 5 {
         return Err(Fault::new(field("axis"), "0 to 5", clip.axis));
     }
-    if clip.sign.abs() != 1 {
+    if !matches!(clip.sign, -1 | 1) {
         return Err(Fault::new(field("sign"), "-1 or 1", clip.sign));
     }
     if clip.clipped == 0 || clip.clipped > clip.frames {

@@ -9,8 +9,8 @@ use schema::{Record, SchemaError, SealState};
 use support::{record, small};
 
 /// Where the structure with this tag begins.
-fn find(file: &[u8], tag: &[u8; 4]) -> usize {
-    file.windows(4).position(|four| four == tag).unwrap()
+fn find(file: &[u8], tag: [u8; 4]) -> usize {
+    file.windows(4).position(|four| *four == tag).unwrap()
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_sound_file_is_salvaged_whole() {
 fn a_damaged_block_costs_that_block() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let mut file = sound.to_bytes().unwrap();
-    let first = find(&file, b"SECS");
+    let first = find(&file, *b"SECS");
     let block = 12 + 19 + 1006 + 4;
     file[first + 4 * block + 500] ^= 1;
     let salvaged = Record::salvage(&file).unwrap();
@@ -133,7 +133,7 @@ fn first_of(file: &[u8], n: usize) -> usize {
 fn a_cut_file_gives_the_blocks_before_the_cut() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let file = sound.to_bytes().unwrap();
-    let first = find(&file, b"SECS");
+    let first = find(&file, *b"SECS");
     let salvaged = Record::salvage(&file[..first + 3 * 1041 + 700]).unwrap();
     assert_eq!(salvaged.record.blocks, sound.blocks[..3]);
     assert_eq!(salvaged.seal, SealState::Missing);
@@ -146,7 +146,7 @@ fn a_cut_file_gives_the_blocks_before_the_cut() {
 fn lost_and_added_bytes_cost_what_they_hit() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let file = sound.to_bytes().unwrap();
-    let at = find(&file, b"SECS") + 5 * 1041 + 300;
+    let at = find(&file, *b"SECS") + 5 * 1041 + 300;
     let mut left = sound;
     left.blocks.remove(5);
     for damaged in [
