@@ -68,7 +68,8 @@ pub struct Start {
 /// The whole score.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
-    /// Every instant compared, in order of time.
+    /// Every instant compared, in order of time: while the car moves (all of them where it never does), for
+    /// the rest after the drive is right by construction and would flatter every share.
     pub instants: Vec<Instant>,
     /// Position.
     pub position: Option<Spread>,
@@ -88,6 +89,7 @@ pub fn score(
     pairs: &[Pair],
     alignment: Option<&Alignment>,
 ) -> Score {
+    let pairs = moving(pairs);
     let mut direction: Option<f64> = None;
     let instants: Vec<Instant> = pairs
         .iter()
@@ -129,6 +131,15 @@ pub fn score(
         heading,
         start,
     }
+}
+
+/// The instants up to the last at which the car moves.
+fn moving(pairs: &[Pair]) -> &[Pair] {
+    let end = pairs
+        .iter()
+        .rposition(|p| p.row.ground_speed > 0.2)
+        .map_or(pairs.len(), |last| last + 1);
+    pairs.get(..end).unwrap_or(pairs)
 }
 
 fn instant(truth: &Truth, pair: &Pair, alignment: Option<&Alignment>, direction: f64) -> Instant {

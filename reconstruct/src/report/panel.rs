@@ -117,7 +117,7 @@ impl Panel<'_> {
             let at = [a.x + 0.5 * a.w, a.y + a.h + self.size * 2.4];
             svg.text(at, self.size * 0.92, Anchor::Middle, "fill=\"#333\"", label);
         }
-        let (ticks, step) = value.ticks((a.h / (self.size * 2.2)).max(2.0));
+        let (ticks, step) = value.ticks((a.h / (self.size * 1.7)).max(2.0));
         for v in ticks {
             let y = value.at(v);
             let style = if v.abs() < 1e-9 {
