@@ -72,6 +72,9 @@ pub fn remaining_at(trajectory: &Trajectory, remaining: &[f64], t_s: f64) -> f64
     remaining.get(i).copied().unwrap_or(0.0)
 }
 
+/// A place of the trajectory and the true one: north, east, m.
+type Match = ([f64; 2], [f64; 2]);
+
 /// Finds the turn and shift.
 ///
 /// # Errors
@@ -96,7 +99,7 @@ pub fn align(
         Align::Rest => "3 to 30 m before rest",
         Align::Fit => "in the window",
     };
-    let chosen: Vec<([f64; 2], [f64; 2])> = pairs
+    let chosen: Vec<Match> = pairs
         .iter()
         .filter(|p| {
             how == Align::Fit || (3.0..=30.0).contains(&remaining_at(trajectory, &left, p.row.t_s))
@@ -112,7 +115,7 @@ pub fn align(
         return Err(fail());
     }
     let n = num::real(chosen.len());
-    let mean = |pick: fn(&([f64; 2], [f64; 2])) -> [f64; 2]| {
+    let mean = |pick: fn(&Match) -> [f64; 2]| {
         let sum = chosen
             .iter()
             .map(pick)

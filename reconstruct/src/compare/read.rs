@@ -281,7 +281,8 @@ fn parse_truth(table: &Table) -> Result<Truth, CompareError> {
     } else {
         ("north_m", "east_m", "speed_mps")
     };
-    if !table.has(speed) && !(table.has(north) && table.has(east)) {
+    let placed = table.has(north) && table.has(east);
+    if !placed && !table.has(speed) {
         table.need(&[north, east, speed])?;
     }
     let course = table.has("ref_course_deg_cw_from_n");

@@ -318,7 +318,11 @@ pub(crate) mod tests {
         let position = s.position.unwrap();
         assert!((position.max - 3.0).abs() < 1e-9 && (position.median - 3.0).abs() < 1e-9);
         // e' P^-1 e = 9 * 1 / (4 - 0.25) = 2.4: inside 80 % (3.22) and outside 50 % (1.39).
-        assert_eq!(position.inside.unwrap(), [0.0, 1.0, 1.0, 1.0]);
+        let inside = position
+            .inside
+            .unwrap()
+            .map(|share| num::round_i64(share * 100.0));
+        assert_eq!(inside, [0, 100, 100, 100]);
         assert!((position.nees.unwrap() - 1.2).abs() < 1e-9);
         assert!((s.speed.unwrap().nees.unwrap() - 2.25).abs() < 1e-6);
         assert!((s.heading.unwrap().median - 0.005).abs() < 1e-9);

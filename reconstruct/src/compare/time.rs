@@ -157,7 +157,7 @@ fn match_speeds(trajectory: &Trajectory, truth: &Truth) -> Result<TimeBase, Comp
     );
     let tracks = Speeds::new(trajectory, truth);
     let steps = num::round_usize(((high - low) / COARSE_S).ceil()).min(200_000);
-    let least = num::real(known.len()).min(20.0).max(5.0);
+    let least = num::real(known.len()).clamp(5.0, 20.0);
     let costs: Vec<(f64, f64)> = (0..=steps)
         .map(|i| low + num::real(i) * COARSE_S)
         .filter_map(|offset| {

@@ -167,7 +167,11 @@ fn point(map: &Map, s: &State, properties: Value) -> Value {
 }
 
 fn feature(geometry: Value, properties: Value) -> Value {
-    json!({"type": "Feature", "geometry": geometry, "properties": properties})
+    let mut map = serde_json::Map::new();
+    map.insert("type".to_owned(), json!("Feature"));
+    map.insert("geometry".to_owned(), geometry);
+    map.insert("properties".to_owned(), properties);
+    Value::Object(map)
 }
 
 fn round4(x: f64) -> f64 {

@@ -5,17 +5,19 @@
 //! 3. [`summary`]: `summary.json`; its JSON Schema is [`SUMMARY_SCHEMA`].
 //! 4. [`words`]: the findings as sentences a judge can read.
 //! 5. [`svg`], [`axis`], [`labels`]: drawing; [`plan`]: `path.svg`; [`motion`], [`panel`]: `motion.svg`.
-//! 6. [`page`], [`tables`]: `report.html`; [`terminal`]: one screen.
+//! 6. [`page`], [`tables`], [`record_tables`]: `report.html`; [`terminal`]: one screen.
 
 pub mod axis;
 pub mod case;
 pub mod labels;
 pub mod motion;
+pub(crate) mod motion_parts;
 pub mod number;
 pub mod page;
 pub mod panel;
 pub mod plan;
 pub(crate) mod plan_marks;
+pub mod record_tables;
 #[cfg(test)]
 pub(crate) mod sample_case;
 pub mod summary;

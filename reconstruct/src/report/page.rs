@@ -6,7 +6,7 @@ use crate::findings::Reconstruction;
 use crate::report::case::{Case, Signature};
 use crate::report::number::{self, KMH};
 use crate::report::svg::escape;
-use crate::report::{motion, plan, summary, tables, words};
+use crate::report::{motion, plan, record_tables, summary, tables, words};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -36,13 +36,21 @@ pub fn html(r: &Reconstruction, case: &Case<'_>) -> String {
     section(&mut out, "Motion over time", &over_time(r));
     section(&mut out, "Figures and their bounds", &tables::figures(r));
     section(&mut out, "Models side by side", &models(r));
-    section(&mut out, "The record", &tables::identity(case, &software));
-    section(&mut out, "Triggers", &tables::triggers(case));
-    section(&mut out, "Health of the record", &tables::health(r, case));
+    section(
+        &mut out,
+        "The record",
+        &record_tables::identity(case, &software),
+    );
+    section(&mut out, "Triggers", &record_tables::triggers(case));
+    section(
+        &mut out,
+        "Health of the record",
+        &record_tables::health(r, case),
+    );
     let seal = format!(
         "<p>{}</p>\n{}",
         escape(case.seal_sentence()),
-        tables::seal(case)
+        record_tables::seal(case)
     );
     section(&mut out, "Seal and digest", &seal);
     section(&mut out, "Method", &method(r));
@@ -150,23 +158,14 @@ fn key(r: &Reconstruction) -> String {
             &bounds,
         );
     }
-    match &r.braking {
-        Some(b) => {
-            let value = number::shown(&b.mean_mps2, 1.0, 1).value;
-            card(
-                "Braking",
-                &format!("{value} m/s\u{b2}"),
-                &format!("mean, began {}", words::when(b.onset_t_s.value, 2)),
-            );
-        }
-        None => {
-            let bounds = number::bounds(&r.distance_m, 1.0, 1, "m").unwrap_or_else(none);
-            card(
-                "Distance",
-                &format!("{} m", number::shown(&r.distance_m, 1.0, 1).value),
-                &bounds,
-            );
-        }
+    if let Some(b) = &r.braking {
+        let value = number::shown(&b.mean_mps2, 1.0, 1).value;
+        let began = format!("mean, began {}", words::when(b.onset_t_s.value, 2));
+        card("Braking", &format!("{value} m/s\u{b2}"), &began);
+    } else {
+        let bounds = number::bounds(&r.distance_m, 1.0, 1, "m").unwrap_or_else(none);
+        let value = number::shown(&r.distance_m, 1.0, 1).value;
+        card("Distance", &format!("{value} m"), &bounds);
     }
     out.push_str("</dl>\n");
     out

@@ -179,7 +179,9 @@ impl Panel<'_> {
                 series.color
             );
             match line.as_slice() {
-                [only] => svg.circle(*only, 1.5, &format!("fill=\"{}\"", series.color)),
+                [only] => {
+                    svg.circle(*only, 1.5, &format!("fill=\"{}\"", series.color));
+                }
                 many => svg.polyline(many, &style),
             }
         }
@@ -277,7 +279,7 @@ fn runs(points: &[(f64, Option<f64>, f64)], span: [f64; 2]) -> Vec<Vec<Known>> {
     {
         match (v, out.last_mut()) {
             (Some(v), Some(run)) if v.is_finite() => {
-                run.push((*t, *v, if half.is_finite() { *half } else { 0.0 }))
+                run.push((*t, *v, if half.is_finite() { *half } else { 0.0 }));
             }
             (_, Some(run)) if !run.is_empty() => out.push(Vec::new()),
             _ => {}

@@ -152,7 +152,11 @@ fn course(r: &Reconstruction) -> String {
         when(r.top_speed_t_s, 1),
     );
     match (r.rest.found, r.rest.t_s) {
-        (true, Some(t)) => text.push_str(&format!(" It came to rest {}.", when(t, 1))),
+        (true, Some(t)) => {
+            text.push_str(" It came to rest ");
+            text.push_str(&when(t, 1));
+            text.push('.');
+        }
         _ => text.push_str(" The record ends before the car is at rest."),
     }
     text
