@@ -6,7 +6,7 @@
 use nalgebra::{SVector, Vector3};
 
 use crate::error_model::{
-    ATT, BG, CONSIDERED, MOUNT_PITCH, NineScalar, SG, STATES, VEL, WHEEL, WHEEL_DIFF,
+    ATT, BG, CONSIDERED, LATENCY, MOUNT_PITCH, NineScalar, SG, STATES, VEL, WHEEL, WHEEL_DIFF,
 };
 use crate::mechanize::Nav9;
 
@@ -71,8 +71,9 @@ pub fn wheel(
     let predicted = vx - rate.z * arm - rate.y * geometry.imu.z - accel * shift_s;
     let mut h_c = SVector::<f64, CONSIDERED>::zeros();
     h_c[BG + 2] = -arm;
-    h_c[SG] = -arm * rate.z;
+    h_c[SG + 2] = -arm * rate.z;
     h_c[WHEEL] = -predicted;
+    h_c[LATENCY] = -accel;
     h_c[WHEEL_DIFF] = 0.5 * side * predicted;
     let lever = rate.z * geometry.imu_sd.y;
     NineScalar {
@@ -90,7 +91,7 @@ pub fn no_side_slip(nav: &Nav9, rate: &Vector3<f64>, geometry: &Geometry, sd: f6
     let imu = &geometry.imu;
     let mut h_c = SVector::<f64, CONSIDERED>::zeros();
     h_c[BG + 2] = -imu.x;
-    h_c[SG] = -imu.x * rate.z;
+    h_c[SG + 2] = -imu.x * rate.z;
     let lever = rate.z * geometry.imu_sd.x;
     NineScalar {
         residual: vy - rate.z * imu.x + rate.x * imu.z,

@@ -26,29 +26,27 @@ pub const VEL: usize = 3;
 pub const ATT: usize = 6;
 
 /// Considered errors.
-pub const CONSIDERED: usize = 16;
+pub const CONSIDERED: usize = 19;
 /// Accelerometer bias, body axes, m/s^2.
 pub const BA: usize = 0;
 /// Accelerometer scale, per axis.
 pub const SA: usize = 3;
-/// Mounting yaw of the IMU in the car, rad.
-pub const MOUNT_YAW: usize = 6;
 /// Constant unknown horizontal acceleration, m/s^2: Coriolis where the latitude is not known [S03, 3.3.1].
-pub const CORIOLIS: usize = 7;
+pub const CORIOLIS: usize = 6;
+/// Mounting yaw of the IMU in the car, rad: turns specific force and rate alike.
+pub const MOUNT_YAW: usize = 8;
 /// Gyro bias, body axes, rad/s.
 pub const BG: usize = 9;
-/// Gyro scale about body z.
+/// Gyro scale, per axis.
 pub const SG: usize = 12;
 /// Scale common to both wheels (tyre radius).
-pub const WHEEL: usize = 13;
+pub const WHEEL: usize = 15;
 /// Difference of scale, left minus right.
-pub const WHEEL_DIFF: usize = 14;
+pub const WHEEL_DIFF: usize = 16;
 /// Angle between the body's x axis and the path on a flat road (mounting pitch), rad.
-pub const MOUNT_PITCH: usize = 15;
-
-/// Columns that drive the velocity, and columns that drive the angles.
-const ACCEL_COLUMNS: usize = 9;
-const GYRO_COLUMNS: usize = 4;
+pub const MOUNT_PITCH: usize = 17;
+/// Delay of the wheel frames, s.
+pub const LATENCY: usize = 18;
 
 /// The filter's covariance.
 pub type Nine = Belief<STATES, CONSIDERED>;
@@ -64,16 +62,17 @@ pub struct Noise {
     pub rate: f64,
 }
 
-/// What the considered errors drive: columns of `B` in `v' = .. + B_v c` and `psi' = .. + B_psi c`.
+/// What the considered errors drive: columns of `B` in `v' = .. + B_v c` and `psi' = .. + B_psi c`. Columns up
+/// to and with [`MOUNT_YAW`] drive the velocity, those from it up to [`WHEEL`] the angles.
 struct Drive {
-    velocity: [Vector3<f64>; ACCEL_COLUMNS],
-    angle: [Vector3<f64>; GYRO_COLUMNS],
+    velocity: [Vector3<f64>; MOUNT_YAW + 1],
+    angle: [Vector3<f64>; WHEEL - MOUNT_YAW],
 }
 
 impl Drive {
     fn new(c: &Rot<Nav, Body>, f_b: &Vec3<Body>, w_b: &Vec3<Body>) -> Self {
         let [x, y, z]: [Vector3<f64>; 3] = [0, 1, 2].map(|i| c.m.column(i).into_owned());
-        let f = &f_b.v;
+        let (f, w) = (&f_b.v, &w_b.v);
         Self {
             velocity: [
                 x,
@@ -82,13 +81,19 @@ impl Drive {
                 x * f.x,
                 y * f.y,
                 z * f.z,
-                y * f.x - x * f.y,
                 Vector3::x(),
                 Vector3::y(),
+                y * f.x - x * f.y,
             ],
-            angle: [-x, -y, -z, z * -w_b.v.z],
+            angle: [x * w.y - y * w.x, -x, -y, -z, x * -w.x, y * -w.y, z * -w.z],
         }
     }
+}
+
+/// Acceleration error in navigation axes for each considered error up to and with [`MOUNT_YAW`], per unit.
+#[must_use]
+pub fn velocity_drive(c_nb: &Rot<Nav, Body>, f_b: &Vec3<Body>) -> [Vector3<f64>; MOUNT_YAW + 1] {
+    Drive::new(c_nb, f_b, &Vec3::zero()).velocity
 }
 
 /// One backward step of the covariance, block by block.
@@ -160,7 +165,7 @@ fn add_considered(belief: &mut Nine, drive: &Drive, a: &Matrix3<f64>, h: f64) {
         let pos = column.fixed_rows::<3>(POS) - vel * h + apsi * h2;
         let vel = vel - apsi * h;
         let d = belief.p_cc[j];
-        if j < ACCEL_COLUMNS {
+        if j < MOUNT_YAW {
             let b = drive.velocity[j];
             let (g_r, g_v) = (b * h2, b * -h);
             let (m_r, m_v) = (pos + g_r * (0.5 * d), vel + g_v * (0.5 * d));
@@ -172,11 +177,15 @@ fn add_considered(belief: &mut Nine, drive: &Drive, a: &Matrix3<f64>, h: f64) {
             add_outer(&mut sum, ATT, &psi, POS, &g_r);
             column.fixed_rows_mut::<3>(POS).copy_from(&(pos + g_r * d));
             column.fixed_rows_mut::<3>(VEL).copy_from(&(vel + g_v * d));
-        } else if j < ACCEL_COLUMNS + GYRO_COLUMNS {
-            let b = drive.angle[j - ACCEL_COLUMNS];
+        } else if j < WHEEL {
+            let b = drive.angle[j - MOUNT_YAW];
             let ab = a * b;
-            let gamma: SVector<f64, STATES> =
+            let mut gamma: SVector<f64, STATES> =
                 stack(&(ab * (-h * h * h / 6.0)), &(ab * h2), &(b * -h));
+            if j == MOUNT_YAW {
+                let b = drive.velocity[j];
+                gamma += stack(&(b * h2), &(b * -h), &Vector3::zeros());
+            }
             let u = stack(&pos, &vel, &psi);
             sum += (u + gamma * (0.5 * d)) * gamma.transpose();
             column.copy_from(&(u + gamma * d));
@@ -224,7 +233,7 @@ pub fn continuous(
         b.fixed_view_mut::<3, 1>(VEL, j).copy_from(column);
     }
     for (j, column) in drive.angle.iter().enumerate() {
-        b.fixed_view_mut::<3, 1>(ATT, ACCEL_COLUMNS + j)
+        b.fixed_view_mut::<3, 1>(ATT, MOUNT_YAW + j)
             .copy_from(column);
     }
     (f, b)

@@ -239,8 +239,7 @@ impl Runner<'_> {
             let widened = (2.0 * tuning.wheel_correlation_s / period).max(1.0);
             let mut variance = sheet.noise_mps.powi(2)
                 + header.wheel_scale.step.powi(2) / 12.0
-                + tuning.wheel_floor_mps.powi(2) * widened
-                + (accel * sheet.latency_sd_s).powi(2) * widened;
+                + tuning.wheel_floor_mps.powi(2) * widened;
             if self.setup.motion.after_impact[k] {
                 variance += (0.05 * speed).powi(2) * widened;
             }

@@ -215,11 +215,15 @@ impl Motion {
                 self.wheels_bad[k] = true;
             }
         };
+        let after_impact = self.impacts.first().map_or(n, |pulse| pulse.first);
         for k in 0..n {
             let airborne = list[k].accel.norm() < AIRBORNE && list[k].measured[..3] == [true; 3];
+            // After an impact a car may slide in any direction; before it, sideways is cornering.
+            let sliding = k >= after_impact && self.smooth[k].xy().norm() > BRAKING;
             if self.smooth[k].x < -BRAKING
                 || self.smooth[k].y.abs() > LATERAL
                 || self.rate[k].z.abs() > SPIN
+                || sliding
                 || airborne
             {
                 mark(k, SLIP_LEAD_S, SETTLE_S);
@@ -229,11 +233,7 @@ impl Motion {
             mark(pulse.first, SLIP_LEAD_S, SETTLE_IMPACT_S);
             mark(pulse.last, SLIP_LEAD_S, SETTLE_IMPACT_S);
         }
-        if let Some(pulse) = self.impacts.first() {
-            for k in pulse.first..n {
-                self.after_impact[k] = true;
-            }
-        }
+        self.after_impact[after_impact..].fill(true);
     }
 }
 

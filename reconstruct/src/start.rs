@@ -1,10 +1,11 @@
 //! Where the backward pass starts: the final rest, or, if the record ends moving, the last wheel speeds.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 use crate::epochs::Epochs;
 use crate::error_model::{
-    ATT, BA, BG, CORIOLIS, MOUNT_PITCH, MOUNT_YAW, Nine, POS, SA, SG, VEL, WHEEL, WHEEL_DIFF,
+    ATT, BA, BG, CONSIDERED, CORIOLIS, LATENCY, MOUNT_PITCH, MOUNT_YAW, Nine, POS, SA, SG, STATES,
+    VEL, WHEEL, WHEEL_DIFF, velocity_drive,
 };
 use crate::frame::{Body, Nav, Rot, Vec3};
 use crate::mechanize::{EARTH_RATE, Earth, Nav9};
@@ -12,6 +13,8 @@ use crate::rest::{RestInterval, level};
 
 /// Standard deviation of the standstill velocity: the springs still rock, m/s.
 const REST_SPEED_SD: f64 = 0.01;
+/// The final place itself is where the springs left the IMU, one sigma, m.
+const REST_PLACE_SD: f64 = 0.005;
 /// In-run drift of a gyro bias within a minute, as a share of its turn-on bias.
 const RATE_BIAS_DRIFT: f64 = 0.01;
 /// Attitude of a car that was not seen at rest: sd of roll and pitch, rad (half the H1 limits and the springs).
@@ -37,7 +40,7 @@ pub struct Start {
 }
 
 /// Variances of the considered errors from the data sheet.
-fn considered(epochs: &Epochs, earth: &Earth) -> SVector<f64, { crate::error_model::CONSIDERED }> {
+fn considered(epochs: &Epochs, earth: &Earth) -> SVector<f64, { CONSIDERED }> {
     let (imu, wheels) = (&epochs.header.imu, &epochs.header.wheels);
     let mut d = SVector::zeros();
     let top = epochs
@@ -57,12 +60,13 @@ fn considered(epochs: &Epochs, earth: &Earth) -> SVector<f64, { crate::error_mod
         d[BA + axis] = imu.accel_bias.powi(2);
         d[SA + axis] = imu.accel_scale.powi(2);
         d[BG + axis] = imu.rate_bias.powi(2);
+        d[SG + axis] = imu.rate_scale.powi(2);
     }
     d[MOUNT_YAW] = imu.mounting_sd[2].powi(2);
     d[MOUNT_PITCH] = imu.mounting_sd[1].powi(2);
     d[CORIOLIS] = coriolis.powi(2);
     d[CORIOLIS + 1] = coriolis.powi(2);
-    d[SG] = imu.rate_scale.powi(2);
+    d[LATENCY] = wheels.latency_sd_s.powi(2);
     d[WHEEL] = wheels.scale_sd.powi(2);
     d[WHEEL_DIFF] = wheels.scale_difference_sd.powi(2);
     d
@@ -91,29 +95,30 @@ pub fn at_rest(epochs: &Epochs, rest: &RestInterval, earth: &Earth) -> Start {
             d[BA + axis] += 0.015_f64.powi(2);
         }
     }
-    let mut p_xx = SMatrix::zeros();
-    let mut p_xc = SMatrix::zeros();
+    let mut p_xx = SMatrix::<f64, STATES, STATES>::zeros();
+    let mut p_xc = SMatrix::<f64, STATES, CONSIDERED>::zeros();
     for axis in 0..3 {
+        p_xx[(POS + axis, POS + axis)] = REST_PLACE_SD.powi(2);
         p_xx[(VEL + axis, VEL + axis)] = REST_SPEED_SD.powi(2);
     }
     let white = imu.accel_density.powi(2) / seconds + 1e-6;
-    // Levelling makes C_hat f vertical: psi_x = (C b)_y / g, psi_y = -(C b)_x / g.
+    // Levelling makes C_hat f vertical: an error df of the specific force tilts by psi_x = (C df)_y / g,
+    // psi_y = -(C df)_x / g. Bias, scale and mounting yaw (on a slope) all do.
     let g = earth.gravity;
-    for axis in 0..3 {
-        p_xc[(ATT, BA + axis)] = c_nb.m[(1, axis)] / g * d[BA + axis];
-        p_xc[(ATT + 1, BA + axis)] = -c_nb.m[(0, axis)] / g * d[BA + axis];
+    let drive = velocity_drive(&c_nb, &Vec3::from(rest.accel));
+    for axis in 0..2 {
+        p_xx[(ATT + axis, ATT + axis)] = white / (g * g);
     }
-    for i in 0..2 {
-        for j in 0..2 {
-            let mut sum = if i == j { white / (g * g) } else { 0.0 };
-            for axis in 0..3 {
-                let b = d[BA + axis];
-                if b > 0.0 {
-                    sum += p_xc[(ATT + i, BA + axis)] * p_xc[(ATT + j, BA + axis)] / b;
-                }
-            }
-            p_xx[(ATT + i, ATT + j)] = sum;
-        }
+    for (j, df) in drive
+        .iter()
+        .enumerate()
+        .filter(|(j, _)| !(CORIOLIS..CORIOLIS + 2).contains(j))
+    {
+        let tilt = Vector2::new(df.y, -df.x) / g;
+        p_xc.fixed_view_mut::<2, 1>(ATT, j)
+            .copy_from(&(tilt * d[j]));
+        let mut block = p_xx.fixed_view_mut::<2, 2>(ATT, ATT);
+        block += tilt * tilt.transpose() * d[j];
     }
     let rest_earth_b = c_nb.m.transpose() * earth.rate_n.v;
     Start {
@@ -162,7 +167,7 @@ pub fn moving(epochs: &Epochs, earth: &Earth) -> Start {
     } else {
         (0.0, UNKNOWN_SPEED_SD)
     };
-    let mut p_xx = SMatrix::zeros();
+    let mut p_xx = SMatrix::<f64, STATES, STATES>::zeros();
     for axis in 0..3 {
         p_xx[(POS + axis, POS + axis)] = 1e-6;
     }

@@ -160,14 +160,12 @@ fn difference_start(s: usize, small: f64) -> SVector<f64, STATES> {
 fn drives(f: &Vector3<f64>, w: &Vector3<f64>) -> Vec<(usize, Vector3<f64>, Vector3<f64>)> {
     let zero = Vector3::zeros();
     let unit = |i: usize| Vector3::ith(i, 1.0);
-    let mut all = vec![
-        (MOUNT_YAW, Vector3::z().cross(f), zero),
-        (SG, zero, Vector3::z() * w.z),
-    ];
+    let mut all = vec![(MOUNT_YAW, Vector3::z().cross(f), Vector3::z().cross(w))];
     for i in 0..3 {
         all.push((BA + i, unit(i), zero));
         all.push((SA + i, unit(i) * f[i], zero));
         all.push((BG + i, zero, unit(i)));
+        all.push((SG + i, zero, unit(i) * w[i]));
     }
     all
 }
