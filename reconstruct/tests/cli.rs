@@ -297,14 +297,17 @@ fn compare_with_the_simulators_truth() {
     );
     assert_eq!(c["position"]["inside"].as_array().unwrap().len(), 4);
     let by_speed = dir.join("no-epoch.csv");
-    let without: String = std::fs::read_to_string(&truth)
-        .unwrap()
-        .lines()
-        .map(|l| {
-            let cells: Vec<&str> = l.split(',').collect();
-            format!("{},{},{}\n", cells[0], cells[2..9].join(","), cells[11])
-        })
-        .collect();
+    let lines = std::fs::read_to_string(&truth).unwrap();
+    let without = lines.lines().fold(String::new(), |mut out, line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        out.push_str(
+            &[&cells[..1], &cells[2..9], &cells[11..12]]
+                .concat()
+                .join(","),
+        );
+        out.push('\n');
+        out
+    });
     std::fs::write(&by_speed, without).unwrap();
     let matched = reconstruct(&[
         "compare",

@@ -10,12 +10,17 @@ use crate::cli::{CliError, SOUND, print, print_json, run};
 /// Arguments of `compare`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// trajectory.csv of a run
+    /// The trajectory of a run
+    #[arg(value_name = "TRAJECTORY.csv")]
     trajectory: PathBuf,
-    /// Truth: t_s with north_m, east_m, speed_mps, heading_deg (own frame), or ref_n_m, ref_e_m, ref_speed_mps
+    /// The truth
+    #[arg(
+        value_name = "TRUTH.csv",
+        help = "Truth: t_s with north_m, east_m, speed_mps, heading_deg (same frame), or with ref_n_m, ref_e_m, ref_speed_mps"
+    )]
     truth: PathBuf,
-    /// Unix time of t_s = 0 in the truth; if neither this nor a column unix_s is there, the speeds are matched
-    #[arg(long, allow_hyphen_values = true, value_name = "UNIX_S", value_parser = run::seconds)]
+    /// Epoch of the truth
+    #[arg(long, help = "Unix time of t_s = 0 in the truth; if neither this nor a column unix_s is there, the speeds are matched", allow_hyphen_values = true, value_name = "UNIX_S", value_parser = run::seconds)]
     truth_epoch: Option<f64>,
     /// Lay the path on the truth by: rest (fixes 3 to 30 m before rest), none (one frame), fit (all fixes)
     #[arg(long, value_name = "HOW")]

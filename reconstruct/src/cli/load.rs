@@ -37,7 +37,7 @@ impl Loaded {
             .map_err(|error| CliError::file(path, error))?;
         let mut loaded = Self::decode(&bytes).map_err(|error| CliError::Record {
             path: path.display().to_string(),
-            error,
+            error: Box::new(error),
         })?;
         loaded.name = PathBuf::from(path)
             .file_name()

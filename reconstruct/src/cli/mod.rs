@@ -67,20 +67,38 @@ pub(crate) enum CliError {
         /// The file.
         path: String,
         /// What is wrong.
-        error: ::schema::SchemaError,
+        error: Box<::schema::SchemaError>,
     },
     /// The reconstruction.
     #[error(transparent)]
-    Reconstruct(#[from] ReconstructError),
+    Reconstruct(Box<ReconstructError>),
     /// The comparison.
     #[error(transparent)]
-    Compare(#[from] CompareError),
+    Compare(Box<CompareError>),
     /// The simulation.
     #[error(transparent)]
-    Simulate(#[from] simulate::Error),
+    Simulate(Box<simulate::Error>),
     /// Standard output.
     #[error("standard output: {0}")]
     Print(io::Error),
+}
+
+impl From<ReconstructError> for CliError {
+    fn from(error: ReconstructError) -> Self {
+        Self::Reconstruct(Box::new(error))
+    }
+}
+
+impl From<CompareError> for CliError {
+    fn from(error: CompareError) -> Self {
+        Self::Compare(Box::new(error))
+    }
+}
+
+impl From<simulate::Error> for CliError {
+    fn from(error: simulate::Error) -> Self {
+        Self::Simulate(Box::new(error))
+    }
 }
 
 impl CliError {
@@ -94,9 +112,10 @@ impl CliError {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Simulate(error) => error.exit_code(),
-            Self::Reconstruct(
-                ReconstructError::Option { .. } | ReconstructError::Window { .. },
-            ) => 2,
+            Self::Reconstruct(error) => match **error {
+                ReconstructError::Option { .. } | ReconstructError::Window { .. } => 2,
+                _ => 1,
+            },
             _ => 1,
         }
     }

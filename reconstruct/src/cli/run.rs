@@ -27,8 +27,8 @@ pub(crate) struct Args {
     /// Road limits: h1, none, or a JSON file of limits
     #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]
     road: String,
-    /// Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG] (WGS 84; sds 0.5 m and 1 deg if not given)
-    #[arg(long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
+    /// Rest pose
+    #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
     rest_pose: Option<RestPose>,
     /// Confidence of every bound and of the funnel
     #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]

@@ -176,7 +176,11 @@ fn instant(truth: &Truth, pair: &Pair, alignment: Option<&Alignment>, direction:
         speed_mps: speed,
         speed_sigmas: speed.zip(positive(row.sd_speed)).map(|(e, sd)| e / sd),
         heading,
-        heading_sigmas: heading.zip(positive(row.sd_heading)).map(|(e, sd)| e / sd),
+        // A course has the sideslip and an error of its own in it, which the heading's sigma does not know.
+        heading_sigmas: heading
+            .filter(|_| !truth.heading_is_course)
+            .zip(positive(row.sd_heading))
+            .map(|(e, sd)| e / sd),
     }
 }
 

@@ -12,7 +12,12 @@ pub(crate) fn violations(schema: &Value, value: &Value) -> Vec<String> {
 fn check(root: &Value, schema: &Value, value: &Value, place: &str, found: &mut Vec<String>) {
     for (keyword, rule) in schema.as_object().unwrap() {
         match keyword.as_str() {
+            // Said, not checked; or checked above for values of another kind.
             "$schema" | "$id" | "$defs" | "title" | "description" => {}
+            "required" | "properties" | "additionalProperties" if !value.is_object() => {}
+            "items" if !value.is_array() => {}
+            "const" if rule == value => {}
+            "enum" if rule.as_array().unwrap().contains(value) => {}
             "$ref" => {
                 let pointer = rule.as_str().unwrap().strip_prefix('#').unwrap();
                 check(root, root.pointer(pointer).unwrap(), value, place, found);
@@ -26,21 +31,21 @@ fn check(root: &Value, schema: &Value, value: &Value, place: &str, found: &mut V
                     found.push(format!("{place}: expected {names:?}, found {value}"));
                 }
             }
-            "required" if value.is_object() => {
+            "required" => {
                 for name in rule.as_array().unwrap() {
                     if value.get(name.as_str().unwrap()).is_none() {
                         found.push(format!("{place}: {name} is missing"));
                     }
                 }
             }
-            "properties" if value.is_object() => {
+            "properties" => {
                 for (name, inner) in rule.as_object().unwrap() {
                     if let Some(member) = value.get(name) {
                         check(root, inner, member, &format!("{place}.{name}"), found);
                     }
                 }
             }
-            "additionalProperties" if value.is_object() => {
+            "additionalProperties" => {
                 let known = schema.get("properties");
                 for (name, member) in value.as_object().unwrap() {
                     if known.and_then(|k| k.get(name)).is_none() {
@@ -48,19 +53,15 @@ fn check(root: &Value, schema: &Value, value: &Value, place: &str, found: &mut V
                     }
                 }
             }
-            "items" if value.is_array() => {
+            "items" => {
                 for (i, member) in value.as_array().unwrap().iter().enumerate() {
                     check(root, rule, member, &format!("{place}[{i}]"), found);
                 }
             }
-            "required" | "properties" | "additionalProperties" | "items" => {}
-            "const" if rule != value => {
-                found.push(format!("{place}: expected {rule}, found {value}"))
-            }
-            "enum" if !rule.as_array().unwrap().contains(value) => {
+            "const" => found.push(format!("{place}: expected {rule}, found {value}")),
+            "enum" => {
                 found.push(format!("{place}: expected one of {rule}, found {value}"));
             }
-            "const" | "enum" => {}
             "anyOf" => {
                 let fits = |s: &Value| {
                     let mut inner = Vec::new();
