@@ -1,0 +1,189 @@
+//! One file a subcommand. Results go to standard output, progress and complaints to standard error.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use clap::{Parser, Subcommand};
+use reconstruct::ReconstructError;
+use reconstruct::compare::CompareError;
+
+mod compare;
+mod export;
+mod inspect;
+mod load;
+mod run;
+
+mod simulate;
+mod verify;
+
+/// Sound.
+pub(crate) const SOUND: u8 = 0;
+/// Finished with gaps, an incomplete record or a broken seal.
+pub(crate) const GAPS: u8 = 3;
+
+/// What happened in a crash, from the record that svartboks keeps.
+#[derive(Debug, Parser)]
+#[command(name = "reconstruct", version, arg_required_else_help = true)]
+#[command(
+    after_help = "Exit codes: 0 sound, 1 failed, 2 usage, 3 finished with gaps, an incomplete record or a broken seal."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Reconstruct the motion from a record: trajectory, summary, funnel, pictures and report
+    Run(Box<run::Args>),
+    /// Show what a record holds: header, health, triggers, samples
+    Inspect(inspect::Args),
+    /// Check a record's checksums and digest
+    Verify(verify::Args),
+    /// Write a record's data in another format
+    Export(export::Args),
+    /// Compare a trajectory with the truth
+    Compare(compare::Args),
+    /// Make a crash with known truth, as a CAN log
+    Simulate(simulate::Args),
+    /// Print the JSON Schema of summary.json
+    Schema,
+}
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    /// A file could not be read or written.
+    #[error("{path}: {error}")]
+    File {
+        /// The file.
+        path: String,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// The record cannot be read at all.
+    #[error("{path}: {error}")]
+    Record {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        error: Box<::schema::SchemaError>,
+    },
+    /// The reconstruction.
+    #[error(transparent)]
+    Reconstruct(Box<ReconstructError>),
+    /// The comparison.
+    #[error(transparent)]
+    Compare(Box<CompareError>),
+    /// The simulation.
+    #[error(transparent)]
+    Simulate(Box<simulate::Error>),
+    /// Standard output.
+    #[error("standard output: {0}")]
+    Print(io::Error),
+}
+
+impl From<ReconstructError> for CliError {
+    fn from(error: ReconstructError) -> Self {
+        Self::Reconstruct(Box::new(error))
+    }
+}
+
+impl From<CompareError> for CliError {
+    fn from(error: CompareError) -> Self {
+        Self::Compare(Box::new(error))
+    }
+}
+
+impl From<simulate::Error> for CliError {
+    fn from(error: simulate::Error) -> Self {
+        Self::Simulate(Box::new(error))
+    }
+}
+
+impl CliError {
+    pub(crate) fn file(path: &Path, error: io::Error) -> Self {
+        Self::File {
+            path: path.display().to_string(),
+            error,
+        }
+    }
+
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Simulate(error) => error.exit_code(),
+            Self::Reconstruct(error) => match **error {
+                ReconstructError::Option { .. } | ReconstructError::Window { .. } => 2,
+                _ => 1,
+            },
+            _ => 1,
+        }
+    }
+}
+
+/// Runs the program; gives the exit code.
+pub(crate) fn main() -> u8 {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version come this way too; a closed pipe is no fault of ours.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
+    let result = match cli.command {
+        Command::Run(args) => run::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Simulate(args) => match simulate::run(&args) {
+            Err(simulate::Error::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+                Ok(SOUND)
+            }
+            other => other.map_err(CliError::from),
+        },
+        Command::Schema => print(reconstruct::report::SUMMARY_SCHEMA).map(|()| SOUND),
+    };
+    result.unwrap_or_else(|error| {
+        complain("error", &error.to_string());
+        error.exit_code()
+    })
+}
+
+/// Writes to standard output; a reader that went away is not an error.
+pub(crate) fn print(text: &str) -> Result<(), CliError> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(CliError::Print(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a value as JSON, with a line end.
+pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), CliError> {
+    print(&format!("{value:#}\n"))
+}
+
+/// One line on standard error; control characters in it are disarmed.
+pub(crate) fn complain(kind: &str, text: &str) {
+    let safe: String = text
+        .chars()
+        .map(|c| if c.is_control() && c != '\n' { '?' } else { c })
+        .collect();
+    let _ = writeln!(io::stderr(), "{kind}: {safe}");
+}
+
+/// Writes a file whole or not at all: into a temporary name beside it, then renamed.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    let name = path
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
+    let written = std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, path));
+    written.map_err(|error| {
+        let _ = std::fs::remove_file(&partial);
+        CliError::file(path, error)
+    })
+}

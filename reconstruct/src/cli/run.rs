@@ -1,0 +1,197 @@
+//! `reconstruct run`: from a record to everything a person sees.
+
+use std::path::{Path, PathBuf};
+
+use reconstruct::ReconstructError;
+use reconstruct::export::{funnel, trajectory};
+use reconstruct::findings::RestPose;
+use reconstruct::report::{motion, page, plan, summary, terminal};
+use reconstruct::road::RoadLimits;
+use reconstruct::run::{Model, Options, Road, reconstruct};
+use serde_json::json;
+
+use crate::cli::load::Loaded;
+use crate::cli::{CliError, GAPS, SOUND, print, print_json, write_file};
+
+/// Arguments of `run`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Record to reconstruct (.svb)
+    record: PathBuf,
+    /// Folder for the results; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Model of the trajectory: nine-state, published or dead-reckoning
+    #[arg(long, default_value = "nine-state", value_name = "MODEL", value_parser = model)]
+    model: Model,
+    /// Road limits: h1, none, or a JSON file of limits
+    #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]
+    road: String,
+    /// Rest pose
+    #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
+    rest_pose: Option<RestPose>,
+    /// Confidence of every bound and of the funnel
+    #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]
+    confidence: f64,
+    /// Start of the window, seconds from the first trigger
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = seconds)]
+    from: Option<f64>,
+    /// End of the window, seconds from the first trigger
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = seconds)]
+    to: Option<f64>,
+    /// Print the summary as JSON instead of the screen
+    #[arg(long)]
+    json: bool,
+}
+
+fn model(text: &str) -> Result<Model, String> {
+    match text {
+        "nine-state" => Ok(Model::NineState),
+        "published" => Ok(Model::Published),
+        "dead-reckoning" => Ok(Model::DeadReckoning),
+        "refined" => Err("the refined model is not available yet; expected nine-state, published or dead-reckoning".to_owned()),
+        _ => Err("expected nine-state, published or dead-reckoning".to_owned()),
+    }
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err(format!("expected a number, found {text:?}")),
+    }
+}
+
+/// Seconds on the command line.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    number(text)
+}
+
+fn confidence(text: &str) -> Result<f64, String> {
+    let share = number(text)?;
+    if (0.01..=0.9999).contains(&share) {
+        Ok(share)
+    } else {
+        Err("expected a share from 0.01 to 0.9999".to_owned())
+    }
+}
+
+fn rest_pose(text: &str) -> Result<RestPose, String> {
+    let parts = text
+        .split(',')
+        .map(number)
+        .collect::<Result<Vec<f64>, String>>()?;
+    let (latitude_deg, longitude_deg, heading_deg, sd_m, sd_deg) = match parts.as_slice() {
+        [lat, lon, heading] => (*lat, *lon, *heading, 0.5, 1.0),
+        [lat, lon, heading, sd_m, sd_deg] => (*lat, *lon, *heading, *sd_m, *sd_deg),
+        other => {
+            return Err(format!(
+                "expected three or five numbers, found {}",
+                other.len()
+            ));
+        }
+    };
+    for (name, value, low, high) in [
+        ("latitude", latitude_deg, -90.0, 90.0),
+        ("longitude", longitude_deg, -180.0, 180.0),
+        ("heading", heading_deg, -360.0, 360.0),
+        ("sd in metres", sd_m, 0.0, 1000.0),
+        ("sd in degrees", sd_deg, 0.0, 180.0),
+    ] {
+        if !(low..=high).contains(&value) {
+            return Err(format!("{name}: expected {low} to {high}, found {value}"));
+        }
+    }
+    Ok(RestPose {
+        latitude_deg,
+        longitude_deg,
+        heading_deg,
+        sd_m,
+        sd_deg,
+    })
+}
+
+fn road(text: &str) -> Result<Road, ReconstructError> {
+    match text {
+        "h1" => Ok(Road::H1),
+        "none" => Ok(Road::None),
+        file => Ok(Road::File(RoadLimits::load(Path::new(file))?)),
+    }
+}
+
+/// Runs the command; gives the exit code.
+pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
+    let options = Options {
+        model: args.model,
+        road: road(&args.road)?,
+        rest_pose: args.rest_pose,
+        confidence: args.confidence,
+        from_s: args.from,
+        to_s: args.to,
+        ..Options::default()
+    };
+    let loaded = Loaded::open(&args.record)?;
+    let case = loaded.case();
+    let result = reconstruct(&loaded.record, &options)?;
+    std::fs::create_dir_all(&args.out).map_err(|error| CliError::file(&args.out, error))?;
+    let summary = summary::summary(&result, &case);
+    let funnel_name = funnel::file_name(&result);
+    let files = [
+        ("trajectory.csv", trajectory::csv(&result.states)),
+        ("summary.json", format!("{summary:#}\n")),
+        (funnel_name, format!("{}\n", funnel::collection(&result))),
+        ("path.svg", plan::file(&result)),
+        ("motion.svg", motion::file(&result)),
+        ("report.html", page::html(&result, &case)),
+    ];
+    for (name, text) in &files {
+        write_file(&args.out.join(name), text.as_bytes())?;
+    }
+    // A funnel of an earlier run in the other frame would contradict the rest of the folder.
+    for stale in ["funnel.geojson", "funnel.local.json"] {
+        let path = args.out.join(stale);
+        if stale != funnel_name && path.is_file() {
+            std::fs::remove_file(&path).map_err(|error| CliError::file(&path, error))?;
+        }
+    }
+    let code = if summary::sound(&result, &case) {
+        SOUND
+    } else {
+        GAPS
+    };
+    let path = |name: &str| args.out.join(name).display().to_string();
+    if args.json {
+        let mut printed = summary;
+        printed["files"] = json!(files.iter().map(|(name, _)| path(name)).collect::<Vec<_>>());
+        printed["exit_code"] = json!(code);
+        print_json(&printed)?;
+    } else {
+        let shown = ["path.svg", "motion.svg", "report.html"].map(path);
+        print(&terminal::screen(&result, &case, &shown, code))?;
+    }
+    Ok(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{confidence, model, rest_pose};
+
+    #[test]
+    fn arguments() {
+        let pose = rest_pose("-33.86,151.2,270").unwrap();
+        assert!((pose.latitude_deg + 33.86).abs() < 1e-12 && (pose.sd_m - 0.5).abs() < 1e-12);
+        assert!((rest_pose("59.9,10.7,-90,0.1,2").unwrap().sd_deg - 2.0).abs() < 1e-12);
+        for wrong in [
+            "",
+            "1,2",
+            "1,2,3,4",
+            "91,0,0",
+            "0,0,nan",
+            "0,181,0",
+            "0,0,0,-1,0",
+        ] {
+            assert!(rest_pose(wrong).is_err(), "{wrong}");
+        }
+        assert!(model("refined").unwrap_err().contains("not available yet"));
+        assert!(confidence("1").is_err() && confidence("0.5").is_ok());
+    }
+}
