@@ -6,7 +6,7 @@
 use bincode::{Decode, Encode};
 use serde::Serialize;
 
-use crate::scale::{TwoSlope, WheelScale};
+use crate::scale::{Scales, TwoSlope, WheelScale};
 
 /// Format version written by this crate: major changes break readers, minor ones add.
 pub const FORMAT_VERSION: (u16, u16) = (1, 0);
@@ -51,6 +51,18 @@ pub struct Header {
     pub interfaces: Vec<Interface>,
     /// Mapping from the monotonic grid to UTC, frozen for the event.
     pub clock: Clock,
+}
+
+impl Header {
+    /// The three scales of the samples.
+    #[must_use]
+    pub fn scales(&self) -> Scales {
+        Scales {
+            wheel: self.wheel_scale,
+            accel: self.accel_scale,
+            rate: self.rate_scale,
+        }
+    }
 }
 
 /// Where the frames of a record came from.

@@ -15,10 +15,16 @@
 //! Every byte is laid down in `schema/FORMAT.md`.
 
 pub mod block;
+pub(crate) mod bytes;
+pub(crate) mod check;
 pub mod error;
+pub(crate) mod frame;
 pub mod header;
+pub mod limits;
 pub mod num;
+pub mod packer;
 pub mod parts;
+pub(crate) mod read;
 pub mod record;
 pub mod sample;
 pub mod scale;
@@ -30,5 +36,8 @@ pub(crate) mod wire;
 pub use block::Block;
 pub use error::SchemaError;
 pub use header::Header;
-pub use record::Record;
+pub use packer::{Packer, Thinner, unpack};
+pub use record::{GridSample, Record};
 pub use sample::{Codes, Sample};
+pub use scale::Scales;
+pub use seal::{Seal, SealState};

@@ -25,7 +25,7 @@ pub struct RawFrame {
     pub monotonic_ns: i64,
     /// Index into `Header::interfaces`.
     pub interface: u8,
-    /// CAN identifier with SocketCAN's flag bits (EFF 0x8000_0000, RTR 0x4000_0000, ERR 0x2000_0000).
+    /// CAN identifier with SocketCAN's flag bits (EFF bit 31, RTR bit 30, ERR bit 29).
     pub id: u32,
     /// CAN FD flags (BRS 1, ESI 2), 0x80 set for an FD frame; 0 for a classic one.
     pub flags: u8,

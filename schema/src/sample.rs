@@ -26,6 +26,25 @@ pub struct Sample {
     pub rate: [Option<f64>; 3],
 }
 
+impl Sample {
+    /// The eight values in the order of [S03, table 3.1].
+    #[must_use]
+    pub fn fields(&self) -> [Option<f64>; FIELDS] {
+        let ([wl, wr], [ax, ay, az], [wx, wy, wz]) = (self.wheels, self.accel, self.rate);
+        [wl, wr, ax, ay, az, wx, wy, wz]
+    }
+
+    /// From the eight values in the order of [S03, table 3.1].
+    #[must_use]
+    pub fn from_fields([wl, wr, ax, ay, az, wx, wy, wz]: [Option<f64>; FIELDS]) -> Self {
+        Self {
+            wheels: [wl, wr],
+            accel: [ax, ay, az],
+            rate: [wx, wy, wz],
+        }
+    }
+}
+
 /// The eight 10-bit codes of a sample in the order of [S03, table 3.1]: wheel left, wheel right,
 /// acceleration x, y, z, rate x, y, z. Each is 0 to 1022, or [`MISSING`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -34,5 +53,33 @@ pub struct Codes(pub [u16; FIELDS]);
 impl Default for Codes {
     fn default() -> Self {
         Self([MISSING; FIELDS])
+    }
+}
+
+impl Codes {
+    /// The stored form: eight fields of ten bits, most significant bit first, no padding.
+    ///
+    /// A code above 1023 cannot be stored and becomes [`MISSING`].
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; SAMPLE_BYTES] {
+        let bits = self.0.iter().fold(0_u128, |bits, &code| {
+            (bits << FIELD_BITS) | u128::from(code.min(MISSING))
+        });
+        let [_, _, _, _, _, _, bytes @ ..] = bits.to_be_bytes();
+        bytes
+    }
+
+    /// The codes of ten stored bytes; every pattern is a sample.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8; SAMPLE_BYTES]) -> Self {
+        let mut wide = [0; 16];
+        wide[16 - SAMPLE_BYTES..].copy_from_slice(bytes);
+        let mut bits = u128::from_be_bytes(wide);
+        let mut codes = [MISSING; FIELDS];
+        for code in codes.iter_mut().rev() {
+            *code = u16::try_from(bits & u128::from(MISSING)).unwrap_or(MISSING);
+            bits >>= FIELD_BITS;
+        }
+        Self(codes)
     }
 }
