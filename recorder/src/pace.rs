@@ -7,8 +7,14 @@ const CHANGED: u32 = 12;
 /// A signal silent for more than so many periods has a gap.
 const GAP_PERIODS: f64 = 3.0;
 
+impl Default for Pace {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// The pace of one signal.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Pace {
     last_ns: Option<i64>,
     first: [f64; FIRST],
@@ -21,6 +27,21 @@ pub struct Pace {
 }
 
 impl Pace {
+    /// Nothing has arrived yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            last_ns: None,
+            first: [0.0; FIRST],
+            count: 0,
+            period: 0.0,
+            weight: 0.0,
+            variance: 0.0,
+            slow: 0,
+            frames: 0,
+        }
+    }
+
     /// Receive time of the last frame, monotonic ns.
     #[must_use]
     pub fn last_ns(&self) -> Option<i64> {
