@@ -69,7 +69,9 @@ pub fn index_of(time_ns: i64) -> u64 {
 /// Start of a bin, ns.
 #[must_use]
 pub fn start_of(index: u64) -> i64 {
-    i64::try_from(index).unwrap_or(i64::MAX).saturating_mul(SAMPLE_NS)
+    i64::try_from(index)
+        .unwrap_or(i64::MAX)
+        .saturating_mul(SAMPLE_NS)
 }
 
 impl Bins {
@@ -87,7 +89,9 @@ impl Bins {
 
     /// The bin of an index; `None` if it is closed (or absurdly far ahead).
     pub fn at(&mut self, index: u64) -> Option<&mut Bin> {
-        let ahead = index.checked_sub(self.base).filter(|ahead| *ahead < MAX_OPEN)?;
+        let ahead = index
+            .checked_sub(self.base)
+            .filter(|ahead| *ahead < MAX_OPEN)?;
         let ahead = num::usize_of(ahead);
         while self.open.len() <= ahead {
             self.open.push_back(Bin::default());
@@ -113,7 +117,9 @@ impl Bins {
             let stop = num::real_i64(start_of(index + 1));
             let until = stop.min(end);
             let Some(bin) = self.at(index) else { break };
-            for ((value, integral), covered) in values.iter().zip(&mut bin.integral).zip(&mut bin.covered) {
+            for ((value, integral), covered) in
+                values.iter().zip(&mut bin.integral).zip(&mut bin.covered)
+            {
                 if !value.is_nan() {
                     *integral += value * (until - at);
                     *covered += until - at;
@@ -127,8 +133,12 @@ impl Bins {
 
     /// Adds a wheel frame. False if its bin is closed.
     pub fn wheel(&mut self, side: usize, speed: f64, time_ns: i64) -> bool {
-        let Some(bin) = self.at(index_of(time_ns)) else { return false };
-        if let (Some(sum), Some(frames)) = (bin.wheel_sum.get_mut(side), bin.wheel_frames.get_mut(side)) {
+        let Some(bin) = self.at(index_of(time_ns)) else {
+            return false;
+        };
+        if let (Some(sum), Some(frames)) =
+            (bin.wheel_sum.get_mut(side), bin.wheel_frames.get_mut(side))
+        {
             *sum += speed;
             *frames = frames.saturating_add(1);
         }

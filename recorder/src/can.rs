@@ -37,13 +37,26 @@ impl Frame {
     /// An empty frame to be read into.
     #[must_use]
     pub const fn empty() -> Self {
-        Self { time_ns: 0, interface: Self::FOREIGN, id: 0, flags: 0, len: 0, bytes: [0; MAX_DATA] }
+        Self {
+            time_ns: 0,
+            interface: Self::FOREIGN,
+            id: 0,
+            flags: 0,
+            len: 0,
+            bytes: [0; MAX_DATA],
+        }
     }
 
     /// A frame with this payload, cut at 64 bytes.
     #[must_use]
     pub fn new(time_ns: i64, interface: u8, id: u32, flags: u8, data: &[u8]) -> Self {
-        let mut frame = Self { time_ns, interface, id, flags, ..Self::empty() };
+        let mut frame = Self {
+            time_ns,
+            interface,
+            id,
+            flags,
+            ..Self::empty()
+        };
         for &byte in data {
             frame.push(byte);
         }
@@ -138,23 +151,40 @@ impl Interfaces {
     pub fn new(names: &[String], map: &[(String, String)]) -> Result<Self, RecorderError> {
         let mut aliases = Vec::new();
         for (from, to) in map {
-            let at = names.iter().position(|name| name == to).and_then(|at| u8::try_from(at).ok());
+            let at = names
+                .iter()
+                .position(|name| name == to)
+                .and_then(|at| u8::try_from(at).ok());
             match at {
                 Some(at) => aliases.push((from.clone(), at)),
                 None => {
-                    return Err(RecorderError::Map { from: from.clone(), to: to.clone(), known: names.join(", ") });
+                    return Err(RecorderError::Map {
+                        from: from.clone(),
+                        to: to.clone(),
+                        known: names.join(", "),
+                    });
                 }
             }
         }
-        Ok(Self { names: names.to_vec(), aliases })
+        Ok(Self {
+            names: names.to_vec(),
+            aliases,
+        })
     }
 
     /// Index of the bus an interface name stands for.
     #[must_use]
     pub fn find(&self, name: &[u8]) -> Option<u8> {
-        if let Some((_, at)) = self.aliases.iter().find(|(from, _)| from.as_bytes() == name) {
+        if let Some((_, at)) = self
+            .aliases
+            .iter()
+            .find(|(from, _)| from.as_bytes() == name)
+        {
             return Some(*at);
         }
-        self.names.iter().position(|known| known.as_bytes() == name).and_then(|at| u8::try_from(at).ok())
+        self.names
+            .iter()
+            .position(|known| known.as_bytes() == name)
+            .and_then(|at| u8::try_from(at).ok())
     }
 }

@@ -17,7 +17,11 @@ const HEX: [u8; 256] = {
     let mut digit = 0_u8;
     let mut at = 0_usize;
     while at < 16 {
-        let (low, high) = if at < 10 { (0x30 + at, 0x30 + at) } else { (0x57 + at, 0x37 + at) };
+        let (low, high) = if at < 10 {
+            (0x30 + at, 0x30 + at)
+        } else {
+            (0x57 + at, 0x37 + at)
+        };
         table[low] = digit;
         table[high] = digit;
         digit += 1;
@@ -45,7 +49,10 @@ impl Cursor<'_> {
     }
 
     fn fail<T>(&self, expected: &'static str) -> Result<T, LineError> {
-        Err(LineError { column: self.at, expected })
+        Err(LineError {
+            column: self.at,
+            expected,
+        })
     }
 
     fn expect(&mut self, byte: u8, expected: &'static str) -> Result<(), LineError> {
@@ -65,7 +72,10 @@ impl Cursor<'_> {
 
     fn word(&mut self) -> (usize, usize) {
         let start = self.at;
-        while self.peek().is_some_and(|byte| !matches!(byte, b' ' | b'\t')) {
+        while self
+            .peek()
+            .is_some_and(|byte| !matches!(byte, b' ' | b'\t'))
+        {
             self.at += 1;
         }
         (start, self.at)
@@ -124,7 +134,10 @@ impl Cursor<'_> {
             3 if id <= 0x7FF => Ok(id),
             8 if id & ERR != 0 => Ok(id & (ERR | 0x1FFF_FFFF)),
             8 if id <= 0x1FFF_FFFF => Ok(id | EFF),
-            _ => Err(LineError { column: start, expected: "identifier of 3 (to 7FF) or 8 (to 1FFFFFFF) hexadecimal digits" }),
+            _ => Err(LineError {
+                column: start,
+                expected: "identifier of 3 (to 7FF) or 8 (to 1FFFFFFF) hexadecimal digits",
+            }),
         }
     }
 
@@ -163,7 +176,10 @@ const FD_LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48,
 /// # Errors
 /// The column and what was expected there.
 pub fn parse(line: &[u8], frame: &mut Frame) -> Result<(usize, usize), LineError> {
-    let mut cursor = Cursor { line: line.strip_suffix(b"\r").unwrap_or(line), at: 0 };
+    let mut cursor = Cursor {
+        line: line.strip_suffix(b"\r").unwrap_or(line),
+        at: 0,
+    };
     frame.clear();
     frame.flags = 0;
     cursor.spaces();
@@ -186,7 +202,8 @@ pub fn parse(line: &[u8], frame: &mut Frame) -> Result<(usize, usize), LineError
             frame.flags = FD | (flags & 0x0F);
             cursor.payload(frame, 64)?;
             if !FD_LENGTHS.contains(&frame.len()) {
-                return cursor.fail("a payload length of CAN FD (0 to 8, 12, 16, 20, 24, 32, 48, 64)");
+                return cursor
+                    .fail("a payload length of CAN FD (0 to 8, 12, 16, 20, 24, 32, 48, 64)");
             }
         }
         Some(b'R' | b'r') => {
@@ -230,14 +247,26 @@ mod tests {
     #[test]
     fn known_forms() {
         let (frame, name) = read("(1700000000.000200) can0 120#00a1F0\r").unwrap();
-        assert_eq!((frame.time_ns, frame.id, name.as_str()), (1_700_000_000_000_200_000, 0x120, "can0"));
+        assert_eq!(
+            (frame.time_ns, frame.id, name.as_str()),
+            (1_700_000_000_000_200_000, 0x120, "can0")
+        );
         assert_eq!(frame.data(), [0x00, 0xA1, 0xF0]);
-        assert_eq!(read("(1.5) vcan1 1234ABCD#").unwrap().0.id, 0x1234_ABCD | EFF);
+        assert_eq!(
+            read("(1.5) vcan1 1234ABCD#").unwrap().0.id,
+            0x1234_ABCD | EFF
+        );
         assert_eq!(read("(1.5) c 123#R").unwrap().0.id, 0x123 | RTR);
         assert_eq!(read("(1.5) c 123#R8 T").unwrap().0.id, 0x123 | RTR);
-        assert_eq!(read("(1.5) c 20000004#0000000000000000").unwrap().0.id, ERR | 4);
+        assert_eq!(
+            read("(1.5) c 20000004#0000000000000000").unwrap().0.id,
+            ERR | 4
+        );
         let (fd, _) = read("(1.000000001) c 123##1000102030405060708090A0B R").unwrap();
-        assert_eq!((fd.flags, fd.len(), fd.time_ns), (FD | 1, 12, 1_000_000_001));
+        assert_eq!(
+            (fd.flags, fd.len(), fd.time_ns),
+            (FD | 1, 12, 1_000_000_001)
+        );
         assert_eq!(read("(1.5) c 123#1122334455667788_B").unwrap().0.len(), 8);
     }
 
@@ -273,7 +302,7 @@ mod tests {
         #[test]
         fn what_is_written_is_read(seconds in 0_i64..9_000_000_000, micros in 0_i64..1_000_000, id in 0_u32..0x800,
                                    data in prop::collection::vec(any::<u8>(), 0..=8)) {
-            let text: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
+            let text = schema::seal::Hex(&data);
             let (frame, _) = read(&format!("({seconds}.{micros:06}) can0 {id:03X}#{text}")).unwrap();
             prop_assert_eq!(frame.time_ns, seconds * 1_000_000_000 + micros * 1000);
             prop_assert_eq!(frame.id, id);

@@ -49,7 +49,11 @@ struct Noise {
 
 impl Noise {
     fn add(&mut self, sample: &Sample) {
-        let sums = self.count.iter_mut().zip(&mut self.mean).zip(&mut self.square);
+        let sums = self
+            .count
+            .iter_mut()
+            .zip(&mut self.mean)
+            .zip(&mut self.square);
         for (((count, mean), square), value) in sums.zip(sample.accel.iter().chain(&sample.rate)) {
             if let Some(value) = value {
                 // Welford's update keeps its digits where the mean is large.
@@ -85,30 +89,47 @@ pub fn check(
     quiet.trigger.delta_v = None;
     quiet.trigger.can.clear();
     let limits: RestLimits = Rules::of(settings).rest;
-    let (mut rest, mut noise, mut at_rest, mut seen) = (Rest::default(), Noise::default(), 0_u64, 0_u64);
-    let most = seconds.map_or(u64::MAX, |seconds| num::u64_of(num::round_usize(seconds * 100.0)));
+    let (mut rest, mut noise, mut at_rest, mut seen) =
+        (Rest::default(), Noise::default(), 0_u64, 0_u64);
     let outcome = {
         let observer = Box::new(|_: u64, sample: &Sample| {
             seen += 1;
-            if seen > most {
-                return;
-            }
             rest = rest.step(sample, &limits);
             if rest.at_rest() {
                 at_rest += 1;
                 noise.add(sample);
             }
         });
-        replay(&quiet, inputs, ReplayOptions { map, observer: Some(observer), ..ReplayOptions::default() })?
+        replay(
+            &quiet,
+            inputs,
+            ReplayOptions {
+                map,
+                stop_after: seconds,
+                observer: Some(observer),
+                ..ReplayOptions::default()
+            },
+        )?
     };
-    Ok(report(settings, &outcome, &noise, seen.min(most), at_rest))
+    Ok(report(settings, &outcome, &noise, seen, at_rest))
 }
 
-fn report(settings: &Settings, outcome: &ReplayOutcome, noise: &Noise, seen: u64, at_rest: u64) -> CheckReport {
+fn report(
+    settings: &Settings,
+    outcome: &ReplayOutcome,
+    noise: &Noise,
+    seen: u64,
+    at_rest: u64,
+) -> CheckReport {
     let wanted = if settings.wheels.present { 4 } else { 2 };
     let mut warnings = Vec::new();
     let mut signals = Vec::new();
-    for (group, (name, state)) in GROUP_NAMES.iter().zip(outcome.groups).enumerate().take(wanted) {
+    for (group, (name, state)) in GROUP_NAMES
+        .iter()
+        .zip(outcome.groups)
+        .enumerate()
+        .take(wanted)
+    {
         let arrives = state.last_ns.is_some();
         if !arrives {
             warnings.push(format!("{name} never arrived"));
@@ -116,7 +137,11 @@ fn report(settings: &Settings, outcome: &ReplayOutcome, noise: &Noise, seen: u64
         signals.push(GroupReport {
             signal: (*name).to_owned(),
             arrives,
-            rate_hz: if state.period > 0.0 { 1e9 / state.period } else { 0.0 },
+            rate_hz: if state.period > 0.0 {
+                1e9 / state.period
+            } else {
+                0.0
+            },
             jitter_ms: state.jitter / 1e6,
             noise_at_rest: match group {
                 0 => noise.largest(0..3),
@@ -131,9 +156,15 @@ fn report(settings: &Settings, outcome: &ReplayOutcome, noise: &Noise, seen: u64
         (totals.clock_steps, "steps of the clock"),
         (totals.late, "late or stray frames"),
         (totals.error_frames, "error frames"),
-        (totals.decode.too_short, "frames too short for a mapped signal"),
+        (
+            totals.decode.too_short,
+            "frames too short for a mapped signal",
+        ),
         (totals.decode.not_finite, "values that are not finite"),
-        (totals.decode.out_of_range, "values outside the DBC's range (missing only with range_check = true)"),
+        (
+            totals.decode.out_of_range,
+            "values outside the DBC's range (missing only with range_check = true)",
+        ),
         (outcome.source.malformed, "lines that are no frame"),
     ];
     for (count, what) in counts {
@@ -143,8 +174,15 @@ fn report(settings: &Settings, outcome: &ReplayOutcome, noise: &Noise, seen: u64
     }
     warnings.extend(outcome.source.examples.iter().cloned());
     for name in &outcome.source.foreign {
-        warnings.push(format!("interface {name} is in the log and no bus names it"));
+        warnings.push(format!(
+            "interface {name} is in the log and no bus names it"
+        ));
     }
     let seconds = |samples: u64| num::real_u64(samples) / 100.0;
-    CheckReport { seconds: seconds(seen), rest_seconds: seconds(at_rest), signals, warnings }
+    CheckReport {
+        seconds: seconds(seen),
+        rest_seconds: seconds(at_rest),
+        signals,
+        warnings,
+    }
 }

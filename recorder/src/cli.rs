@@ -83,7 +83,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
-        Some((from, to)) if !from.is_empty() && !to.is_empty() => Ok((from.to_owned(), to.to_owned())),
+        Some((from, to)) if !from.is_empty() && !to.is_empty() => {
+            Ok((from.to_owned(), to.to_owned()))
+        }
         _ => Err("expected NAME=CONFIGURED".to_owned()),
     }
 }
@@ -110,19 +112,32 @@ struct TriggerLine {
 }
 
 /// Runs the command line and gives the exit code.
+#[must_use]
 pub fn run(args: Args) -> ExitCode {
     let mut err = io::stderr();
     let done = match args.command {
-        Command::Replay { config, logs, out, trigger_at, map, json } => {
-            run_replay(&config, &logs, out, trigger_at, map, json, &mut err)
-        }
-        Command::Check { config, logs, seconds, map, json } => run_check(&config, &logs, seconds, map, json),
+        Command::Replay {
+            config,
+            logs,
+            out,
+            trigger_at,
+            map,
+            json,
+        } => run_replay(&config, &logs, out, trigger_at, map, json, &mut err),
+        Command::Check {
+            config,
+            logs,
+            seconds,
+            map,
+            json,
+        } => run_check(&config, &logs, seconds, map, json),
     };
     match done {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
             // A reader that went away needs no message.
-            if !matches!(&error, RecorderError::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe) {
+            if !matches!(&error, RecorderError::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+            {
                 let _ = writeln!(err, "recorder: {error}");
             }
             ExitCode::from(FAILED)
@@ -144,7 +159,9 @@ fn inputs(logs: &[PathBuf]) -> Vec<LogInput> {
 
 fn print(line: &str) -> Result<(), RecorderError> {
     let mut out = io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(RecorderError::io("standard output", "write"))
+    writeln!(out, "{line}")
+        .and_then(|()| out.flush())
+        .map_err(RecorderError::io("standard output", "write"))
 }
 
 fn say(err: &mut impl Write, line: &str) {
@@ -170,7 +187,16 @@ fn run_replay(
         lines.extend(warnings(&record, &path));
         Ok(())
     });
-    let outcome = replay(&settings, inputs(logs), ReplayOptions { trigger_at, map, sink: Some(sink), observer: None })?;
+    let outcome = replay(
+        &settings,
+        inputs(logs),
+        ReplayOptions {
+            trigger_at,
+            map,
+            sink: Some(sink),
+            ..ReplayOptions::default()
+        },
+    )?;
     for line in lines {
         say(err, &line);
     }
@@ -182,7 +208,10 @@ fn sealed_line(record: &Record, path: &Path, seal: &schema::Seal, json: bool) ->
     if !json {
         return path.display().to_string();
     }
-    let first_ns = record.triggers.first().map_or(0, |trigger| trigger.monotonic_ns);
+    let first_ns = record
+        .triggers
+        .first()
+        .map_or(0, |trigger| trigger.monotonic_ns);
     let line = SealedLine {
         path: path.display().to_string(),
         triggers: record
@@ -206,7 +235,9 @@ fn sealed_line(record: &Record, path: &Path, seal: &schema::Seal, json: bool) ->
 }
 
 fn warnings(record: &Record, path: &Path) -> Vec<String> {
-    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = path
+        .file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let kinds: Vec<String> = record.triggers.iter().map(trigger_words).collect();
     let mut lines = vec![format!("{name}: triggers: {}", kinds.join(", "))];
     for reason in &record.completion.reasons {
@@ -228,10 +259,18 @@ fn tell(outcome: &ReplayOutcome, err: &mut impl Write) {
         say(err, example);
     }
     for name in &outcome.source.foreign {
-        say(err, &format!("interface {name} is in the log and no bus names it (--map {name}=CONFIGURED)"));
+        say(
+            err,
+            &format!(
+                "interface {name} is in the log and no bus names it (--map {name}=CONFIGURED)"
+            ),
+        );
     }
     for at in &outcome.triggers_left {
-        say(err, &format!("--trigger-at {at}: expected a time within the log, found its end before"));
+        say(
+            err,
+            &format!("--trigger-at {at}: expected a time within the log, found its end before"),
+        );
     }
     let seconds = schema::num::real_i64(totals.span_ns) / 1e9;
     say(
@@ -266,7 +305,11 @@ fn run_check(
 ) -> Result<u8, RecorderError> {
     let settings = Settings::load(config)?;
     if logs.is_empty() {
-        print(if json { "{\"valid\":true}" } else { "configuration valid" })?;
+        print(if json {
+            "{\"valid\":true}"
+        } else {
+            "configuration valid"
+        })?;
         return Ok(SOUND);
     }
     let report = check(&settings, inputs(logs), map, seconds)?;
@@ -275,12 +318,19 @@ fn run_check(
     } else {
         print_check(&report)?;
     }
-    Ok(if report.warnings.is_empty() { SOUND } else { GAPS })
+    Ok(if report.warnings.is_empty() {
+        SOUND
+    } else {
+        GAPS
+    })
 }
 
 fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
     print("configuration valid")?;
-    print(&format!("{:.1} s looked at, {:.1} s of them at rest", report.seconds, report.rest_seconds))?;
+    print(&format!(
+        "{:.1} s looked at, {:.1} s of them at rest",
+        report.seconds, report.rest_seconds
+    ))?;
     for signal in &report.signals {
         let noise = match (signal.noise_at_rest, signal.signal.as_str()) {
             (Some(noise), "accel") => format!(", noise at rest {noise:.4} m/s^2"),
@@ -288,7 +338,10 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
             (None, _) => String::new(),
         };
         let text = if signal.arrives {
-            format!("{}: {:.2} Hz, jitter {:.3} ms{noise}", signal.signal, signal.rate_hz, signal.jitter_ms)
+            format!(
+                "{}: {:.2} Hz, jitter {:.3} ms{noise}",
+                signal.signal, signal.rate_hz, signal.jitter_ms
+            )
         } else {
             format!("{}: never arrived", signal.signal)
         };

@@ -3,7 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use can_dbc::{ByteOrder as DbcOrder, Dbc, MessageId, MultiplexIndicator, NumericValue, SignalExtendedValueType, ValueType};
+use can_dbc::{
+    ByteOrder as DbcOrder, Dbc, MessageId, MultiplexIndicator, NumericValue,
+    SignalExtendedValueType, ValueType,
+};
 use schema::num;
 
 use crate::can::EFF;
@@ -97,10 +100,16 @@ impl Database {
     /// # Errors
     /// When it can not be read or is no DBC.
     pub fn load(path: &Path) -> Result<Self, DbcError> {
-        let read = |source| DbcError::Read { path: path.to_path_buf(), source };
+        let read = |source| DbcError::Read {
+            path: path.to_path_buf(),
+            source,
+        };
         let found = fs::metadata(path).map_err(read)?.len();
         if found > MAX_FILE {
-            return Err(DbcError::Large { path: path.to_path_buf(), found });
+            return Err(DbcError::Large {
+                path: path.to_path_buf(),
+                found,
+            });
         }
         Self::parse(path, &fs::read(path).map_err(read)?)
     }
@@ -114,7 +123,10 @@ impl Database {
             Ok(text) => text.trim_start_matches('\u{FEFF}').to_owned(),
             Err(_) => bytes.iter().copied().map(char::from).collect(),
         };
-        let syntax = |message: String| DbcError::Syntax { path: path.to_path_buf(), message };
+        let syntax = |message: String| DbcError::Syntax {
+            path: path.to_path_buf(),
+            message,
+        };
         let dbc = Dbc::try_from(text.as_str()).map_err(|error| syntax(error.to_string()))?;
         let wrong_ids = standard_ids_beyond_11_bits(&text);
         let messages = dbc
@@ -133,7 +145,10 @@ impl Database {
                 MessageDef { name: message.name.clone(), id, size: message.size, signals }
             })
             .collect();
-        Ok(Self { path: path.to_path_buf(), messages })
+        Ok(Self {
+            path: path.to_path_buf(),
+            messages,
+        })
     }
 }
 
@@ -141,7 +156,11 @@ impl Database {
 fn standard_ids_beyond_11_bits(text: &str) -> Vec<(&str, u64)> {
     text.lines()
         .filter_map(|line| {
-            let mut words = line.trim_start().strip_prefix("BO_ ")?.split([' ', '\t', ':']).filter(|word| !word.is_empty());
+            let mut words = line
+                .trim_start()
+                .strip_prefix("BO_ ")?
+                .split([' ', '\t', ':'])
+                .filter(|word| !word.is_empty());
             let id: u64 = words.next()?.parse().ok()?;
             let name = words.next()?;
             (id > 0x7FF && id < u64::from(EFF)).then_some((name, id))
@@ -149,7 +168,11 @@ fn standard_ids_beyond_11_bits(text: &str) -> Vec<(&str, u64)> {
         .collect()
 }
 
-fn bits_of(dbc: &Dbc, message: &can_dbc::Message, signal: &can_dbc::Signal) -> Result<Bits, BitsError> {
+fn bits_of(
+    dbc: &Dbc,
+    message: &can_dbc::Message,
+    signal: &can_dbc::Signal,
+) -> Result<Bits, BitsError> {
     let extended = dbc
         .signal_extended_value_type_list
         .iter()
@@ -169,7 +192,11 @@ fn bits_of(dbc: &Dbc, message: &can_dbc::Message, signal: &can_dbc::Signal) -> R
 }
 
 fn signal_def(dbc: &Dbc, message: &can_dbc::Message, signal: &can_dbc::Signal) -> SignalDef {
-    let scaled = bits_of(dbc, message, signal).map(|bits| Scaled { bits, factor: signal.factor, offset: signal.offset });
+    let scaled = bits_of(dbc, message, signal).map(|bits| Scaled {
+        bits,
+        factor: signal.factor,
+        offset: signal.offset,
+    });
     let mut selectors = Vec::new();
     let scaled = match collect_selectors(dbc, message, signal, &mut selectors) {
         Ok(()) => scaled,
@@ -208,7 +235,12 @@ fn collect_selectors(
         let mut selector_name = None;
         for entry in extended {
             selector_name = Some(entry.multiplexor_signal_name.as_str());
-            ranges.extend(entry.mappings.iter().map(|pair| (pair.min_value, pair.max_value)));
+            ranges.extend(
+                entry
+                    .mappings
+                    .iter()
+                    .map(|pair| (pair.min_value, pair.max_value)),
+            );
         }
         let selector = message.signals.iter().find(|other| match selector_name {
             Some(name) => other.name == name,
@@ -218,8 +250,13 @@ fn collect_selectors(
             ranges.push((value, value));
         }
         // A multiplexed signal without a multiplexor in its message is always there.
-        let Some(selector) = selector else { return Ok(()) };
-        into.push(Selector { bits: bits_of(dbc, message, selector)?, ranges });
+        let Some(selector) = selector else {
+            return Ok(());
+        };
+        into.push(Selector {
+            bits: bits_of(dbc, message, selector)?,
+            ranges,
+        });
         at = selector;
     }
     Ok(())

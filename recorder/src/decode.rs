@@ -53,7 +53,13 @@ pub struct Decoder {
 
 impl Decoder {
     /// Reads every stream of the message; each update goes to `take`.
-    pub fn read(&mut self, message: &MessagePlan, frame: &Frame, time_ns: i64, mut take: impl FnMut(Update)) {
+    pub fn read(
+        &mut self,
+        message: &MessagePlan,
+        frame: &Frame,
+        time_ns: i64,
+        mut take: impl FnMut(Update),
+    ) {
         let mut short = false;
         for stream in &message.streams {
             match selected(&stream.selectors, frame.data()) {
@@ -69,7 +75,13 @@ impl Decoder {
                     let mut values = [f64::NAN; AXES];
                     let mut any = false;
                     for channel in channels {
-                        let value = self.value(&channel.scaled, channel.range, message.range_check, frame, &mut short);
+                        let value = self.value(
+                            &channel.scaled,
+                            channel.range,
+                            message.range_check,
+                            frame,
+                            &mut short,
+                        );
                         if let (Some(value), Some(slot)) = (value, values.get_mut(channel.axis)) {
                             *slot = value * channel.to_si;
                             any = true;
@@ -80,14 +92,25 @@ impl Decoder {
                     }
                 }
                 Role::Wheel(wheel) => {
-                    if let Some(value) = self.value(&wheel.scaled, wheel.range, message.range_check, frame, &mut short)
-                        && let Some(speed) = self.wheel(wheel, value, frame, time_ns)
+                    if let Some(value) = self.value(
+                        &wheel.scaled,
+                        wheel.range,
+                        message.range_check,
+                        frame,
+                        &mut short,
+                    ) && let Some(speed) = self.wheel(wheel, value, frame, time_ns)
                     {
                         take(Update::Wheel(wheel.side, speed));
                     }
                 }
-                Role::Aux { slot, scaled, range } => {
-                    if let Some(value) = self.value(scaled, *range, message.range_check, frame, &mut short) {
+                Role::Aux {
+                    slot,
+                    scaled,
+                    range,
+                } => {
+                    if let Some(value) =
+                        self.value(scaled, *range, message.range_check, frame, &mut short)
+                    {
                         take(Update::Aux(*slot, value));
                     }
                 }
@@ -113,7 +136,8 @@ impl Decoder {
             Reading::Value(value) => {
                 // Half a step of slack: a limit written as a rounded decimal does not exclude its own code.
                 let slack = 0.5 * scaled.factor.abs();
-                let beyond = range.is_some_and(|(low, high)| value < low - slack || value > high + slack);
+                let beyond =
+                    range.is_some_and(|(low, high)| value < low - slack || value > high + slack);
                 self.health.out_of_range += u64::from(beyond);
                 (!(beyond && range_check)).then_some(value)
             }
@@ -140,7 +164,9 @@ impl Decoder {
             }
             WheelKind::Pulses { metres, wrap } => {
                 let count = wheel.scaled.bits.raw(frame.data())?;
-                self.pulses.get_mut(wheel.side)?.speed(count, wrap, metres, time_ns)?
+                self.pulses
+                    .get_mut(wheel.side)?
+                    .speed(count, wrap, metres, time_ns)?
             }
         };
         if speed > FASTEST {
@@ -152,7 +178,10 @@ impl Decoder {
 }
 
 fn counter(stream: &Stream, frame: &Frame) -> Option<u32> {
-    stream.counter.and_then(|bits| bits.raw(frame.data())).and_then(|raw| u32::try_from(raw & 0xFFFF_FFFF).ok())
+    stream
+        .counter
+        .and_then(|bits| bits.raw(frame.data()))
+        .and_then(|raw| u32::try_from(raw & 0xFFFF_FFFF).ok())
 }
 
 impl Pulse {
@@ -167,7 +196,7 @@ impl Pulse {
             self.period = passed;
         }
         let periods = (passed / self.period).round();
-        let elapsed = if periods >= 1.0 && periods <= 4.0 {
+        let elapsed = if (1.0..=4.0).contains(&periods) {
             self.period += (passed / periods - self.period) * 0.02;
             periods * self.period
         } else {

@@ -52,7 +52,9 @@ impl DeltaV {
         let mut change = [0.0; 2];
         let mut off = [0.0; 2];
         for (axis, value) in [x, y].into_iter().enumerate() {
-            let (Some(value), Some(slow), Some(seeded)) = (value, self.slow.get_mut(axis), self.seeded.get_mut(axis)) else {
+            let (Some(value), Some(slow), Some(seeded)) =
+                (value, self.slow.get_mut(axis), self.seeded.get_mut(axis))
+            else {
                 continue;
             };
             if !*seeded {
@@ -74,18 +76,31 @@ impl DeltaV {
         }
         self.at = (self.at + 1) % WINDOW;
         let before = self.sum;
-        self.sum = self.window.iter().fold([0.0; 2], |[x, y], [dx, dy]| [x + dx, y + dy]);
-        let (axis, value) = if self.sum[0].abs() >= self.sum[1].abs() { (0, self.sum[0]) } else { (1, self.sum[1]) };
+        self.sum = self
+            .window
+            .iter()
+            .fold([0.0; 2], |[x, y], [dx, dy]| [x + dx, y + dy]);
+        let (axis, value) = if self.sum[0].abs() >= self.sum[1].abs() {
+            (0, self.sum[0])
+        } else {
+            (1, self.sum[1])
+        };
         self.largest = self.largest.max(value.abs());
-        let Some(threshold) = threshold else { return (self, None) };
+        let Some(threshold) = threshold else {
+            return (self, None);
+        };
         if value.abs() < threshold {
             self.blocked = self.blocked.saturating_sub(1);
             return (self, None);
         }
         let fires = self.blocked == 0;
         self.blocked = REARM;
-        let earlier = before.get(axis).map_or(0.0, |before| before.abs()).min(threshold);
-        let part = ((threshold - earlier) / (value.abs() - earlier).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let earlier = before
+            .get(axis)
+            .map_or(0.0, |before| before.abs())
+            .min(threshold);
+        let part = ((threshold - earlier) / (value.abs() - earlier).max(f64::MIN_POSITIVE))
+            .clamp(0.0, 1.0);
         (self, fires.then_some(Crossing { part, value, axis }))
     }
 }

@@ -45,22 +45,21 @@ pub enum RecorderError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: schema::SchemaError,
-    },
-    /// The samples could not be laid out as second blocks.
-    #[error("record {number}: {source}")]
-    Layout {
-        /// Number of the record.
-        number: u64,
-        /// Why.
-        source: schema::SchemaError,
+        source: Box<schema::SchemaError>,
     },
 }
 
 impl RecorderError {
     /// An input/output error at a path.
-    pub fn io(path: impl Into<PathBuf>, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+    pub fn io(
+        path: impl Into<PathBuf>,
+        action: &'static str,
+    ) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Io { path, action, source }
+        move |source| Self::Io {
+            path,
+            action,
+            source,
+        }
     }
 }

@@ -1,9 +1,13 @@
 //! An event from its freeze to the record that is sealed.
 
 use schema::block::{cut, thin_blocks};
-use schema::header::{Clock, ClockSource, FORMAT_VERSION, Header, Interface, Layout, Origin, Periods};
+use schema::header::{
+    Clock, ClockSource, FORMAT_VERSION, Header, Interface, Layout, Origin, Periods,
+};
 use schema::num;
-use schema::parts::{AuxChannel, Completion, Gap, Health, RawFrame, SignalHealth, Trigger, TriggerKind};
+use schema::parts::{
+    AuxChannel, Completion, Gap, Health, RawFrame, SignalHealth, Trigger, TriggerKind,
+};
 use schema::time::Grid;
 use schema::{Codes, Record, Scales};
 
@@ -73,7 +77,13 @@ pub struct GroupState {
 impl Event {
     /// Freezes what lies before a trigger.
     #[must_use]
-    pub fn open(ring: &Ring, raw: &RawRing, fired: &Fired, settings: &Settings, offset_ns: i64) -> Self {
+    pub fn open(
+        ring: &Ring,
+        raw: &RawRing,
+        fired: &Fired,
+        settings: &Settings,
+        offset_ns: i64,
+    ) -> Self {
         let wanted_first = fired.index.saturating_sub(settings.ring.before);
         let mut event = Self {
             tape: ring.copy_from(wanted_first),
@@ -96,7 +106,9 @@ impl Event {
             self.triggers.push(*fired);
         }
         let start_ns = fired.monotonic_ns - settings.raw.before_ns;
-        self.raw_until_ns = self.raw_until_ns.max(fired.monotonic_ns + settings.raw.after_ns);
+        self.raw_until_ns = self
+            .raw_until_ns
+            .max(fired.monotonic_ns + settings.raw.after_ns);
         for (number, time_ns, frame) in raw.between(self.raw_next, start_ns, self.raw_until_ns) {
             self.raw_next = number + 1;
             if self.raw.len() < MOST_RAW {
@@ -135,8 +147,14 @@ impl Event {
             self.tape.push_missing(index);
         }
         let (first, end) = (self.tape.first(), self.tape.end());
-        let grid = Grid { origin_ns: 0, utc_offset_ns: self.offset_ns };
-        let mut blocks = cut(self.tape.slots().map(|(index, slot)| (index, slot.codes)), &grid);
+        let grid = Grid {
+            origin_ns: 0,
+            utc_offset_ns: self.offset_ns,
+        };
+        let mut blocks = cut(
+            self.tape.slots().map(|(index, slot)| (index, slot.codes)),
+            &grid,
+        );
         self.triggers.sort_by_key(|fired| fired.monotonic_ns);
         if settings.ring.layout == Layout::TwoRate {
             let at: Vec<u64> = self.triggers.iter().map(|fired| fired.index).collect();
@@ -144,7 +162,12 @@ impl Event {
         }
         let completion = self.completion(settings, ending, first, end);
         let health = self.health(settings, around.health, &around.groups, first, end);
-        let period = |group: usize| around.groups.get(group).map_or(0, |state| nanos(state.period));
+        let period = |group: usize| {
+            around
+                .groups
+                .get(group)
+                .map_or(0, |state| nanos(state.period))
+        };
         let header = Header {
             number: 1,
             previous_sha256: [0; 32],
@@ -161,11 +184,19 @@ impl Event {
             rate_scale: scales.rate,
             layout: settings.ring.layout,
             channel_frequency_class: None,
-            periods: Periods { accel_ns: period(0), rate_ns: period(1), wheels_ns: [period(2), period(3)] },
+            periods: Periods {
+                accel_ns: period(0),
+                rate_ns: period(1),
+                wheels_ns: [period(2), period(3)],
+            },
             interfaces: settings
                 .buses
                 .iter()
-                .map(|bus| Interface { name: bus.interface.clone(), offset_ns: 0, uncertainty_ns: None })
+                .map(|bus| Interface {
+                    name: bus.interface.clone(),
+                    offset_ns: 0,
+                    uncertainty_ns: None,
+                })
                 .collect(),
             clock: Clock {
                 source: ClockSource::LogStamps,
@@ -177,11 +208,20 @@ impl Event {
         Record {
             header,
             blocks,
-            clipping: self.tape.clips(end).filter(|clip| clip.index >= first).copied().collect(),
+            clipping: self
+                .tape
+                .clips(end)
+                .filter(|clip| clip.index >= first)
+                .copied()
+                .collect(),
             raw: self.raw_frames(),
             aux: self.aux(settings, first, end),
             health,
-            triggers: self.triggers.iter().map(|fired| trigger(fired, settings)).collect(),
+            triggers: self
+                .triggers
+                .iter()
+                .map(|fired| trigger(fired, settings))
+                .collect(),
             completion,
         }
     }
@@ -203,7 +243,9 @@ impl Event {
             let mut values = vec![None; num::usize_of(groups.end - groups.start)];
             for (group, row) in self.tape.aux() {
                 let at = group.checked_sub(groups.start).map(num::usize_of);
-                if let (Some(value), Some(found)) = (at.and_then(|at| values.get_mut(at)), row.get(slot)) {
+                if let (Some(value), Some(found)) =
+                    (at.and_then(|at| values.get_mut(at)), row.get(slot))
+                {
                     *value = *found;
                 }
             }
@@ -232,25 +274,47 @@ impl Event {
         let at_rest = match ending {
             Ending::Over { at_rest } => {
                 if !at_rest {
-                    reasons.push("the car was still moving at the end, 20 s after the post-trigger time".to_owned());
+                    reasons.push(
+                        "the car was still moving at the end, 20 s after the post-trigger time"
+                            .to_owned(),
+                    );
                 }
                 at_rest
             }
-            Ending::LogEnded { post_trigger_end, at_rest } => {
+            Ending::LogEnded {
+                post_trigger_end,
+                at_rest,
+            } => {
                 if end < post_trigger_end {
                     let missing = seconds(post_trigger_end - end);
-                    reasons.push(format!("the log ended {missing:.2} s before the post-trigger time was over"));
+                    reasons.push(format!(
+                        "the log ended {missing:.2} s before the post-trigger time was over"
+                    ));
                 }
                 if !at_rest {
-                    reasons.push("the log ended before the car had been at rest for 2 s: it ends moving".to_owned());
+                    reasons.push(
+                        "the log ended before the car had been at rest for 2 s: it ends moving"
+                            .to_owned(),
+                    );
                 }
                 at_rest
             }
         };
-        Completion { complete: reasons.is_empty(), reasons, ends_at_rest: at_rest }
+        Completion {
+            complete: reasons.is_empty(),
+            reasons,
+            ends_at_rest: at_rest,
+        }
     }
 
-    fn health(&mut self, settings: &Settings, mut health: Health, groups: &[GroupState; 4], first: u64, end: u64) -> Health {
+    fn health(
+        &mut self,
+        settings: &Settings,
+        mut health: Health,
+        groups: &[GroupState; 4],
+        first: u64,
+        end: u64,
+    ) -> Health {
         let (start_ns, end_ns) = (start_of(first), start_of(end));
         health.gaps = self
             .tape
@@ -258,12 +322,22 @@ impl Event {
             .filter(|gap| gap.to_ns > start_ns && gap.from_ns < end_ns)
             .cloned()
             .collect();
-        health.clock_steps = self.tape.steps().filter(|step| step.monotonic_ns < end_ns).cloned().collect();
+        health.clock_steps = self
+            .tape
+            .steps()
+            .filter(|step| step.monotonic_ns < end_ns)
+            .cloned()
+            .collect();
         let wanted = if settings.wheels.present { 4 } else { 2 };
         for (group, (name, state)) in GROUP_NAMES.iter().zip(groups).enumerate().take(wanted) {
-            let count = |slot: &crate::ring::Slot| u64::from(slot.frames.get(group).copied().unwrap_or(0));
+            let count =
+                |slot: &crate::ring::Slot| u64::from(slot.frames.get(group).copied().unwrap_or(0));
             let frames: u64 = self.tape.slots().map(|(_, slot)| count(slot)).sum();
-            let lost: u64 = self.tape.slots().map(|(_, slot)| u64::from(slot.lost.get(group).copied().unwrap_or(0))).sum();
+            let lost: u64 = self
+                .tape
+                .slots()
+                .map(|(_, slot)| u64::from(slot.lost.get(group).copied().unwrap_or(0)))
+                .sum();
             health.signals.push(SignalHealth {
                 signal: (*name).to_owned(),
                 frames,
@@ -273,13 +347,23 @@ impl Event {
             });
             // Silence that lasts to the record's end was not over when it was written.
             let silent_from = state.last_ns.unwrap_or(start_ns).max(start_ns);
-            let limit = if state.period > 0.0 { 3.0 * state.period } else { 0.0 };
+            let limit = if state.period > 0.0 {
+                3.0 * state.period
+            } else {
+                0.0
+            };
             if num::real_i64(end_ns - silent_from) > limit && silent_from < end_ns {
-                health.gaps.push(Gap { signal: (*name).to_owned(), from_ns: silent_from, to_ns: end_ns });
+                health.gaps.push(Gap {
+                    signal: (*name).to_owned(),
+                    from_ns: silent_from,
+                    to_ns: end_ns,
+                });
             }
         }
         health.gaps.sort_by_key(|gap| gap.from_ns);
-        health.notes.extend(crate::health::standing_notes(settings, groups));
+        health
+            .notes
+            .extend(crate::health::standing_notes(settings, groups));
         if self.raw_cut {
             health.notes.push(format!("more than {MOST_RAW} raw frames lay about the triggers; the later ones are not stored"));
         }
@@ -290,8 +374,16 @@ impl Event {
 
 fn trigger(fired: &Fired, settings: &Settings) -> Trigger {
     let source = match fired.kind {
-        TriggerKind::Peak | TriggerKind::DeltaV => ["x", "y", "z"].get(fired.source).copied().unwrap_or("").to_owned(),
-        TriggerKind::Can => settings.trigger.can.get(fired.source).map_or_else(String::new, |can| can.signal.clone()),
+        TriggerKind::Peak | TriggerKind::DeltaV => ["x", "y", "z"]
+            .get(fired.source)
+            .copied()
+            .unwrap_or("")
+            .to_owned(),
+        TriggerKind::Can => settings
+            .trigger
+            .can
+            .get(fired.source)
+            .map_or_else(String::new, |can| can.signal.clone()),
         TriggerKind::Manual => String::new(),
     };
     Trigger {

@@ -30,7 +30,9 @@ pub fn standing_notes(settings: &Settings, groups: &[GroupState; 4]) -> Vec<Stri
         );
     }
     if settings.imu.accel_range.is_none() {
-        notes.push("the accelerometer's range is not configured: its clipping can not be told".to_owned());
+        notes.push(
+            "the accelerometer's range is not configured: its clipping can not be told".to_owned(),
+        );
     }
     if settings.imu.rate_range.is_none() {
         notes.push("the gyros' range is not configured: their clipping can not be told".to_owned());

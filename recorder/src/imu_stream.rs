@@ -23,6 +23,17 @@ pub(crate) struct PlacedFrame {
     pub(crate) lost: u64,
 }
 
+/// What becomes of the next waiting frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Next {
+    /// It has its stretch of time.
+    Placed(PlacedFrame),
+    /// It can not be given a period at all, and is given up.
+    Unplaced,
+    /// It has to wait, or there is none.
+    Wait,
+}
+
 /// The stream.
 #[derive(Clone, Debug)]
 pub struct ImuStream {
@@ -94,13 +105,22 @@ impl ImuStream {
     /// Up to when this stream's part of the bins is there; `None` if it has been silent since `dead_ns`.
     pub(crate) fn behind(&self, dead_ns: i64) -> Option<i64> {
         let alive = !self.arrivals.is_empty() || self.last_ns.is_some_and(|last| last > dead_ns);
-        alive.then(|| if self.timeline.running() { self.tiled_ns().unwrap_or(0) } else { 0 })
+        alive.then(|| {
+            if self.timeline.running() {
+                self.tiled_ns().unwrap_or(0)
+            } else {
+                0
+            }
+        })
     }
 
     /// Adds a frame.
     pub(crate) fn push(&mut self, time_ns: i64, counter: Option<u32>, values: [f64; AXES]) {
         self.last_ns = Some(time_ns);
-        self.arrivals.push(Arrival { time: num::real_i64(time_ns), counter });
+        self.arrivals.push(Arrival {
+            time: num::real_i64(time_ns),
+            counter,
+        });
         self.values.push_back(values);
     }
 
@@ -113,48 +133,64 @@ impl ImuStream {
 
     /// True if frames wait that time alone lets go.
     pub(crate) fn is_overdue(&self, now_ns: i64) -> bool {
-        let wait = if self.timeline.running() { WAIT_NS } else { START_WAIT_NS };
-        self.arrivals.first().is_some_and(|head| num::real_i64(now_ns - wait) > head.time)
+        let wait = if self.timeline.running() {
+            WAIT_NS
+        } else {
+            START_WAIT_NS
+        };
+        self.arrivals
+            .first()
+            .is_some_and(|head| num::real_i64(now_ns - wait) > head.time)
     }
 
-    /// The next frame that can be placed; `Some(None)` for one that can not be given a period at all.
-    pub(crate) fn next(&mut self, now_ns: i64, force: bool) -> Option<Option<PlacedFrame>> {
+    /// Places the next frame if it can be.
+    pub(crate) fn next(&mut self, now_ns: i64, force: bool) -> Next {
         let overdue = force || self.is_overdue(now_ns);
         let mut fresh = false;
         if !self.timeline.running() {
             if self.arrivals.is_empty() || (self.arrivals.len() < START && !overdue) {
-                return None;
+                return Next::Wait;
             }
             let count = self.arrivals.len().min(2 * START);
-            if !self.timeline.start(self.arrivals.get(..count).unwrap_or_default()) {
+            if !self
+                .timeline
+                .start(self.arrivals.get(..count).unwrap_or_default())
+            {
                 self.pop();
-                return Some(None);
+                return Next::Unplaced;
             }
             fresh = true;
         } else if self.arrivals.is_empty() || (self.arrivals.len() <= AHEAD && !overdue) {
-            return None;
+            return Next::Wait;
         }
         match self.timeline.place(&self.arrivals) {
             Verdict::Placed(placed) => {
                 let values = self.pop();
                 // Holes up to one period (and the drift of a quarter) are one lost frame.
-                let bridge = (placed.hole > 0.0 && placed.hole <= 1.25 * self.timeline.period()).then(|| {
-                    let mut mean = self.previous;
-                    for (mean, value) in mean.iter_mut().zip(values) {
-                        *mean = f64::midpoint(*mean, value);
-                    }
-                    (placed.start - placed.hole, mean)
-                });
+                let bridge = (placed.hole > 0.0 && placed.hole <= 1.25 * self.timeline.period())
+                    .then(|| {
+                        let mut mean = self.previous;
+                        for (mean, value) in mean.iter_mut().zip(values) {
+                            *mean = f64::midpoint(*mean, value);
+                        }
+                        (placed.start - placed.hole, mean)
+                    });
                 self.previous = values;
                 self.lost += placed.lost;
                 let (start, end, lost) = (placed.start, placed.end, placed.lost);
-                Some(Some(PlacedFrame { start, end, values, bridge, lost }))
+                Next::Placed(PlacedFrame {
+                    start,
+                    end,
+                    values,
+                    bridge,
+                    lost,
+                })
             }
             Verdict::Restart => {
                 self.timeline.stop(None);
                 if fresh {
                     self.pop();
-                    return Some(None);
+                    return Next::Unplaced;
                 }
                 self.next(now_ns, force)
             }

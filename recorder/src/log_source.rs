@@ -34,9 +34,10 @@ impl LogInput {
     #[must_use]
     pub fn name(&self) -> String {
         match self {
-            Self::File(path) => {
-                path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
-            }
+            Self::File(path) => path.file_name().map_or_else(
+                || path.display().to_string(),
+                |name| name.to_string_lossy().into_owned(),
+            ),
             Self::Reader(name, _) => name.clone(),
         }
     }
@@ -47,7 +48,11 @@ enum Origin {
     /// The whole file, digested before.
     Whole(SourceLog),
     /// What has been read so far.
-    Running { name: String, bytes: u64, hash: Sha256 },
+    Running {
+        name: String,
+        bytes: u64,
+        hash: Sha256,
+    },
 }
 
 /// One log.
@@ -82,9 +87,15 @@ impl LogSource {
                 let file = File::open(&path).map_err(RecorderError::io(&path, "open the log"))?;
                 (path, Box::new(file), origin)
             }
-            LogInput::Reader(name, reader) => {
-                (PathBuf::from(&name), reader, Origin::Running { name, bytes: 0, hash: Sha256::new() })
-            }
+            LogInput::Reader(name, reader) => (
+                PathBuf::from(&name),
+                reader,
+                Origin::Running {
+                    name,
+                    bytes: 0,
+                    hash: Sha256::new(),
+                },
+            ),
         };
         Ok(Self {
             name,
@@ -109,9 +120,11 @@ impl LogSource {
     pub fn source_log(&self) -> SourceLog {
         match &self.origin {
             Origin::Whole(log) => log.clone(),
-            Origin::Running { name, bytes, hash } => {
-                SourceLog { name: name.clone(), bytes: *bytes, sha256: hash.clone().finalize().into() }
-            }
+            Origin::Running { name, bytes, hash } => SourceLog {
+                name: name.clone(),
+                bytes: *bytes,
+                sha256: hash.clone().finalize().into(),
+            },
         }
     }
 
@@ -133,7 +146,9 @@ impl LogSource {
                 other => break other.map_err(RecorderError::io(&self.path, "read the log"))?,
             }
         };
-        if let (Origin::Running { bytes, hash, .. }, Some(new)) = (&mut self.origin, self.buffer.get(self.end..self.end + read)) {
+        if let (Origin::Running { bytes, hash, .. }, Some(new)) =
+            (&mut self.origin, self.buffer.get(self.end..self.end + read))
+        {
             hash.update(new);
             *bytes += num::u64_of(read);
         }
@@ -155,7 +170,10 @@ impl LogSource {
                 }
                 self.line += 1;
                 if length > LONGEST_LINE {
-                    self.malformed(&format!("a line of at most {LONGEST_LINE} bytes"), &format!("{length} bytes"));
+                    self.malformed(
+                        &format!("a line of at most {LONGEST_LINE} bytes"),
+                        &format!("{length} bytes"),
+                    );
                     continue;
                 }
                 return Ok(Some(line));
@@ -163,7 +181,10 @@ impl LogSource {
             if waiting.len() > LONGEST_LINE {
                 if !std::mem::replace(&mut self.skipping, true) {
                     self.line += 1;
-                    self.malformed(&format!("a line of at most {LONGEST_LINE} bytes"), "a longer one");
+                    self.malformed(
+                        &format!("a line of at most {LONGEST_LINE} bytes"),
+                        "a longer one",
+                    );
                 }
                 self.start = self.end;
             }
@@ -183,7 +204,10 @@ impl LogSource {
     fn malformed(&mut self, expected: &str, found: &str) {
         self.health.malformed += 1;
         if self.health.examples.len() < EXAMPLES {
-            self.health.examples.push(format!("{}:{}: expected {expected}, found {found}", self.name, self.line));
+            self.health.examples.push(format!(
+                "{}:{}: expected {expected}, found {found}",
+                self.name, self.line
+            ));
         }
     }
 
@@ -220,7 +244,10 @@ impl FrameSource for LogSource {
                 }
                 Err(error) => {
                     let found = found(line, error.column);
-                    self.malformed(&format!("{} at column {}", error.expected, error.column + 1), &found);
+                    self.malformed(
+                        &format!("{} at column {}", error.expected, error.column + 1),
+                        &found,
+                    );
                 }
             }
         }
@@ -238,7 +265,9 @@ fn found(line: &[u8], column: usize) -> String {
     if rest.is_empty() {
         return "the end of the line".to_owned();
     }
-    let short: String = String::from_utf8_lossy(rest.get(..24).unwrap_or(rest)).escape_default().collect();
+    let short: String = String::from_utf8_lossy(rest.get(..24).unwrap_or(rest))
+        .escape_default()
+        .collect();
     format!("`{short}`")
 }
 
@@ -258,7 +287,11 @@ fn digest(path: &Path, name: &str) -> Result<SourceLog, RecorderError> {
         hash.update(buffer.get(..read).unwrap_or_default());
         bytes += num::u64_of(read);
     }
-    Ok(SourceLog { name: name.to_owned(), bytes, sha256: hash.finalize().into() })
+    Ok(SourceLog {
+        name: name.to_owned(),
+        bytes,
+        sha256: hash.finalize().into(),
+    })
 }
 
 /// Several logs as one, merged by time stamp; each is read as it comes.
@@ -274,10 +307,16 @@ impl Merged {
     /// # Errors
     /// When one can not be read.
     pub fn open(inputs: Vec<LogInput>, interfaces: &Interfaces) -> Result<Self, RecorderError> {
-        let sources: Vec<LogSource> =
-            inputs.into_iter().map(|input| LogSource::open(input, interfaces.clone())).collect::<Result<_, _>>()?;
+        let sources: Vec<LogSource> = inputs
+            .into_iter()
+            .map(|input| LogSource::open(input, interfaces.clone()))
+            .collect::<Result<_, _>>()?;
         let heads = vec![None; sources.len()];
-        Ok(Self { sources, heads, started: false })
+        Ok(Self {
+            sources,
+            heads,
+            started: false,
+        })
     }
 
     /// The logs as the record names them, in the order they were named.
@@ -317,7 +356,9 @@ impl FrameSource for Merged {
             .enumerate()
             .filter_map(|(at, head)| head.as_ref().map(|head| (head.time_ns, at)))
             .min();
-        let Some((_, at)) = earliest else { return Ok(false) };
+        let Some((_, at)) = earliest else {
+            return Ok(false);
+        };
         if let Some(head) = self.heads.get_mut(at).and_then(Option::take) {
             *frame = head;
         }

@@ -69,13 +69,19 @@ impl Pace {
     /// Silence longer than this is a gap, ns; infinite before the period is known.
     #[must_use]
     pub fn limit(&self) -> f64 {
-        if self.period > 0.0 { GAP_PERIODS * self.period } else { f64::INFINITY }
+        if self.period > 0.0 {
+            GAP_PERIODS * self.period
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Notes a frame; gives the silence before it if that was a gap, as (from, to).
     pub fn arrive(&mut self, time_ns: i64) -> Option<(i64, i64)> {
         self.frames += 1;
-        let last = self.last_ns.replace(time_ns.max(self.last_ns.unwrap_or(i64::MIN)))?;
+        let last = self
+            .last_ns
+            .replace(time_ns.max(self.last_ns.unwrap_or(i64::MIN)))?;
         let step = schema::num::real_i64(time_ns.saturating_sub(last));
         if step <= 0.0 {
             return None;
@@ -94,7 +100,11 @@ impl Pace {
         }
         let periods = (step / self.period).round().max(1.0);
         let gap = step > self.limit();
-        self.slow = if periods >= 2.0 && periods <= 20.0 { self.slow + 1 } else { 0 };
+        self.slow = if (2.0..=20.0).contains(&periods) {
+            self.slow + 1
+        } else {
+            0
+        };
         if self.slow >= CHANGED {
             (self.period, self.count, self.slow, self.variance) = (0.0, 0, 0, 0.0);
             return None;
@@ -125,8 +135,15 @@ mod tests {
             assert_eq!(pace.arrive(at * 20_000_000), None);
         }
         assert!((pace.period() - 2e7).abs() < 1.0);
-        assert_eq!(pace.arrive(980_000_000 + 59_000_000), None, "three periods are none");
-        assert_eq!(pace.arrive(1_039_000_000 + 100_000_000), Some((1_039_000_000, 1_139_000_000)));
+        assert_eq!(
+            pace.arrive(980_000_000 + 59_000_000),
+            None,
+            "three periods are none"
+        );
+        assert_eq!(
+            pace.arrive(1_039_000_000 + 100_000_000),
+            Some((1_039_000_000, 1_139_000_000))
+        );
     }
 
     #[test]

@@ -124,6 +124,12 @@ impl<'a> Pipeline<'a> {
         totals
     }
 
+    /// Seconds from the first to the newest frame.
+    #[must_use]
+    pub fn span_s(&self) -> f64 {
+        num::real_i64(self.time.map_or(0, |time| time.now_ns() - self.first_ns)) / 1e9
+    }
+
     /// Manual triggers whose time did not come.
     #[must_use]
     pub fn manual_left(&self) -> Vec<f64> {
@@ -135,8 +141,18 @@ impl<'a> Pipeline<'a> {
     pub fn groups(&self) -> [GroupState; 4] {
         let mut groups = [GroupState::default(); 4];
         for (at, (group, pace)) in groups.iter_mut().zip(&self.paces).enumerate() {
-            *group = GroupState { period: pace.period(), jitter: pace.jitter(), counted: false, last_ns: pace.last_ns() };
-            if let Some(stream) = self.sampler.streams().iter().find(|stream| at < 2 && stream.leads(at)) {
+            *group = GroupState {
+                period: pace.period(),
+                jitter: pace.jitter(),
+                counted: false,
+                last_ns: pace.last_ns(),
+            };
+            if let Some(stream) = self
+                .sampler
+                .streams()
+                .iter()
+                .find(|stream| at < 2 && stream.leads(at))
+            {
                 group.counted = stream.counted();
                 if stream.timeline().period() > 0.0 {
                     group.period = stream.timeline().period();
@@ -188,7 +204,10 @@ impl<'a> Pipeline<'a> {
     pub fn finish(&mut self) {
         if let Some(held) = self.held.take() {
             // Nothing contradicts the last frame: forwards it stands, backwards it is a stray.
-            if self.time.is_some_and(|time| held.time_ns > time.now_ns() + time.offset_ns()) {
+            if self
+                .time
+                .is_some_and(|time| held.time_ns > time.now_ns() + time.offset_ns())
+            {
                 self.step(held.time_ns);
                 self.take(&held);
             } else {
@@ -201,7 +220,10 @@ impl<'a> Pipeline<'a> {
         while let Some(post_trigger_end) = self.state.post_trigger_end() {
             let at_rest = self.state.at_rest();
             self.state = self.state.sealed();
-            self.seal(Ending::LogEnded { post_trigger_end, at_rest });
+            self.seal(Ending::LogEnded {
+                post_trigger_end,
+                at_rest,
+            });
         }
     }
 
@@ -211,8 +233,15 @@ impl<'a> Pipeline<'a> {
         let (at_ns, now_ns) = (time.monotonic(frame.time_ns), time.now_ns());
         self.sampler.advance(now_ns, &mut self.out);
         self.drain();
-        while self.manual.front().is_some_and(|at| self.manual_ns(*at) <= now_ns) {
-            let at = self.manual.pop_front().map_or(now_ns, |at| self.manual_ns(at));
+        while self
+            .manual
+            .front()
+            .is_some_and(|at| self.manual_ns(*at) <= now_ns)
+        {
+            let at = self
+                .manual
+                .pop_front()
+                .map_or(now_ns, |at| self.manual_ns(at));
             self.step_machine(&Input::Manual(at));
         }
         if frame.id & ERR != 0 {
@@ -222,7 +251,11 @@ impl<'a> Pipeline<'a> {
             return;
         }
         let settings = self.settings;
-        let plan = if frame.carries_data() { settings.plan.find(frame.interface, frame.id) } else { None };
+        let plan = if frame.carries_data() {
+            settings.plan.find(frame.interface, frame.id)
+        } else {
+            None
+        };
         let kept = match settings.raw.frames {
             RawFrames::Mapped => plan.is_some(),
             RawFrames::All => true,
@@ -249,11 +282,17 @@ impl<'a> Pipeline<'a> {
         match update {
             Update::Imu(number, counter, values) => {
                 for group in 0..2 {
-                    if self.sampler.streams().get(number).is_some_and(|stream| stream.leads(group)) {
+                    if self
+                        .sampler
+                        .streams()
+                        .get(number)
+                        .is_some_and(|stream| stream.leads(group))
+                    {
                         self.arrive(group, at_ns);
                     }
                 }
-                self.sampler.imu(number, at_ns, counter, values, &mut self.out);
+                self.sampler
+                    .imu(number, at_ns, counter, values, &mut self.out);
             }
             Update::Wheel(side, speed) => {
                 self.arrive(2 + side, at_ns);
@@ -265,10 +304,20 @@ impl<'a> Pipeline<'a> {
     }
 
     fn arrive(&mut self, group: usize, at_ns: i64) {
-        let Some((from_ns, to_ns)) = self.paces.get_mut(group).and_then(|pace| pace.arrive(at_ns)) else { return };
+        let Some((from_ns, to_ns)) = self
+            .paces
+            .get_mut(group)
+            .and_then(|pace| pace.arrive(at_ns))
+        else {
+            return;
+        };
         self.totals.gaps += 1;
         let signal = GROUP_NAMES.get(group).copied().unwrap_or("").to_owned();
-        let gap = Gap { signal, from_ns, to_ns };
+        let gap = Gap {
+            signal,
+            from_ns,
+            to_ns,
+        };
         for event in &mut self.events {
             event.tape.push_gap(gap.clone());
         }
@@ -278,7 +327,8 @@ impl<'a> Pipeline<'a> {
     fn keep_aux(&mut self, at_ns: i64, slot: usize, value: f64) {
         let group = aux_group(at_ns);
         if self.aux.back().is_none_or(|(last, _)| *last < group) {
-            self.aux.push_back((group, vec![None; self.settings.plan.aux.len()]));
+            self.aux
+                .push_back((group, vec![None; self.settings.plan.aux.len()]));
         }
         let row = self.aux.iter_mut().rev().find(|(open, _)| *open == group);
         if let Some(entry) = row.and_then(|(_, row)| row.get_mut(slot)) {
@@ -305,7 +355,12 @@ impl<'a> Pipeline<'a> {
             observer(closed.index, &closed.sample);
         }
         let offset_ns = self.time.map_or(0, |time| time.offset_ns());
-        if (Grid { origin_ns: 0, utc_offset_ns: offset_ns }).starts_second(closed.index) {
+        if (Grid {
+            origin_ns: 0,
+            utc_offset_ns: offset_ns,
+        })
+        .starts_second(closed.index)
+        {
             self.packer.reset();
         }
         let codes = self.packer.pack(&closed.sample);
@@ -313,7 +368,11 @@ impl<'a> Pipeline<'a> {
         for event in &mut self.events {
             event.tape.push(closed, codes);
         }
-        while self.aux.front().is_some_and(|(group, _)| (group + 1) * crate::ring::AUX_SPAN <= closed.index + 1) {
+        while self
+            .aux
+            .front()
+            .is_some_and(|(group, _)| (group + 1) * crate::ring::AUX_SPAN <= closed.index + 1)
+        {
             if let Some((group, row)) = self.aux.pop_front() {
                 for event in &mut self.events {
                     event.tape.push_aux(group, row.clone());
@@ -344,7 +403,13 @@ impl<'a> Pipeline<'a> {
 
     fn open(&mut self, fired: &Fired) {
         let offset_ns = self.time.map_or(0, |time| time.offset_ns());
-        self.events.push_back(Event::open(&self.ring, &self.raw, fired, self.settings, offset_ns));
+        self.events.push_back(Event::open(
+            &self.ring,
+            &self.raw,
+            fired,
+            self.settings,
+            offset_ns,
+        ));
     }
 
     fn mark(&mut self, at: usize, fired: &Fired) {
@@ -354,14 +419,22 @@ impl<'a> Pipeline<'a> {
     }
 
     fn seal(&mut self, ending: Ending) {
-        let Some(event) = self.events.pop_front() else { return };
+        let Some(event) = self.events.pop_front() else {
+            return;
+        };
         let decode = self.decoder.health;
         let mut notes = self.notes.clone();
         if decode.not_finite > 0 {
-            notes.push(format!("{} values were not finite after factor and offset, and are missing", decode.not_finite));
+            notes.push(format!(
+                "{} values were not finite after factor and offset, and are missing",
+                decode.not_finite
+            ));
         }
         if self.sampler.unplaced() > 0 {
-            notes.push(format!("{} single IMU frames could not be given a period", self.sampler.unplaced()));
+            notes.push(format!(
+                "{} single IMU frames could not be given a period",
+                self.sampler.unplaced()
+            ));
         }
         let health = Health {
             frames_seen: self.totals.frames,
@@ -373,8 +446,12 @@ impl<'a> Pipeline<'a> {
             notes,
             ..Health::default()
         };
-        let around = Surroundings { health, groups: self.groups() };
-        self.ready.push_back(event.seal(self.settings, ending, around));
+        let around = Surroundings {
+            health,
+            groups: self.groups(),
+        };
+        self.ready
+            .push_back(event.seal(self.settings, ending, around));
     }
 
     /// Time steps to a confirmed stamp: backwards over a seam, or forwards over a long silence.
@@ -387,8 +464,14 @@ impl<'a> Pipeline<'a> {
         let now_ns = time.now_ns();
         if let Some((moved_ns, seam_end_ns)) = moved {
             self.totals.clock_steps += 1;
-            self.note(format!("the clock of the frames stepped by {:.3} s", num::real_i64(moved_ns) / 1e9));
-            let step = ClockStep { monotonic_ns: seam_end_ns, step_ns: moved_ns };
+            self.note(format!(
+                "the clock of the frames stepped by {:.3} s",
+                num::real_i64(moved_ns) / 1e9
+            ));
+            let step = ClockStep {
+                monotonic_ns: seam_end_ns,
+                step_ns: moved_ns,
+            };
             for event in &mut self.events {
                 event.tape.push_step(step.clone());
             }
@@ -400,15 +483,23 @@ impl<'a> Pipeline<'a> {
             return;
         }
         let silent_ns = now_ns - before_ns;
-        self.note(format!("no frame for {:.1} s, or the clock was set forward", num::real_i64(silent_ns) / 1e9));
+        self.note(format!(
+            "no frame for {:.1} s, or the clock was set forward",
+            num::real_i64(silent_ns) / 1e9
+        ));
         let ring_ns = start_of(self.ring.capacity().unwrap_or(0));
-        let bridged_ns = if self.events.is_empty() { ring_ns } else { LONG_SILENCE_NS };
+        let bridged_ns = if self.events.is_empty() {
+            ring_ns
+        } else {
+            LONG_SILENCE_NS
+        };
         if silent_ns <= bridged_ns {
             self.sampler.seam(now_ns, &mut self.out);
             self.drain();
         } else {
             if !self.events.is_empty() {
-                self.sampler.seam(before_ns + LONG_SILENCE_NS, &mut self.out);
+                self.sampler
+                    .seam(before_ns + LONG_SILENCE_NS, &mut self.out);
                 self.drain();
             }
             self.ring.clear();

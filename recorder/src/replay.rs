@@ -21,6 +21,8 @@ pub struct ReplayOptions<'a> {
     pub trigger_at: Vec<f64>,
     /// Pairs (interface in the log, configured interface).
     pub map: Vec<(String, String)>,
+    /// Stop so many seconds after the first frame.
+    pub stop_after: Option<f64>,
     /// Takes the sealed records; without one they are only counted.
     pub sink: Option<Sink<'a>>,
     /// Sees every unrounded sample with its index.
@@ -62,23 +64,43 @@ pub fn replay(
     inputs: Vec<LogInput>,
     options: ReplayOptions<'_>,
 ) -> Result<ReplayOutcome, RecorderError> {
-    let names: Vec<String> = settings.buses.iter().map(|bus| bus.interface.clone()).collect();
+    let names: Vec<String> = settings
+        .buses
+        .iter()
+        .map(|bus| bus.interface.clone())
+        .collect();
     let interfaces = Interfaces::new(&names, &options.map)?;
     let logs: Vec<String> = inputs.iter().map(LogInput::name).collect();
     let mut source = Merged::open(inputs, &interfaces)?;
     let mut pipeline = Pipeline::new(settings, &options.trigger_at, options.observer);
-    let mut sealed = Sealed { records: 0, incomplete: 0, sink: options.sink };
+    let mut sealed = Sealed {
+        records: 0,
+        incomplete: 0,
+        sink: options.sink,
+    };
     let mut frame = Frame::empty();
     while source.next_frame(&mut frame)? {
         pipeline.frame(&frame);
         sealed.take(&mut pipeline, &source)?;
+        if options
+            .stop_after
+            .is_some_and(|seconds| pipeline.span_s() > seconds)
+        {
+            break;
+        }
     }
     pipeline.finish();
     sealed.take(&mut pipeline, &source)?;
     let health = source.health();
     if source.frames() == 0 {
-        let example = health.examples.first().map_or_else(String::new, |example| format!(" ({example})"));
-        return Err(RecorderError::NoFrames { logs: logs.join(", "), example });
+        let example = health
+            .examples
+            .first()
+            .map_or_else(String::new, |example| format!(" ({example})"));
+        return Err(RecorderError::NoFrames {
+            logs: logs.join(", "),
+            example,
+        });
     }
     Ok(ReplayOutcome {
         records: sealed.records,
@@ -103,7 +125,9 @@ impl Sealed<'_> {
             self.records += 1;
             self.incomplete += u64::from(!record.completion.complete);
             record.header.number = self.records;
-            record.header.origin = Origin::Replay { logs: source.source_logs() };
+            record.header.origin = Origin::Replay {
+                logs: source.source_logs(),
+            };
             let health = source.health();
             record.health.malformed += health.malformed;
             record.health.notes.extend(health.examples);

@@ -45,7 +45,10 @@ impl Ring {
     /// A ring that holds so many samples.
     #[must_use]
     pub fn new(capacity: u64) -> Self {
-        Self { capacity: Some(capacity), ..Self::default() }
+        Self {
+            capacity: Some(capacity),
+            ..Self::default()
+        }
     }
 
     /// Samples it holds at most; `None` for an event's copy.
@@ -81,12 +84,20 @@ impl Ring {
             self.first = closed.index;
         }
         while self.end() < closed.index {
-            self.slots.push_back(Slot { codes: Codes::default(), frames: [0; GROUPS], lost: [0; 2] });
+            self.slots.push_back(Slot {
+                codes: Codes::default(),
+                frames: [0; GROUPS],
+                lost: [0; 2],
+            });
         }
         if self.end() > closed.index {
             return;
         }
-        self.slots.push_back(Slot { codes, frames: closed.frames, lost: closed.lost });
+        self.slots.push_back(Slot {
+            codes,
+            frames: closed.frames,
+            lost: closed.lost,
+        });
         for clip in closed.clips.iter().flatten() {
             self.clips.push_back(Clip {
                 index: closed.index,
@@ -159,10 +170,18 @@ impl Ring {
         while self.gaps.front().is_some_and(|gap| gap.to_ns < start_ns) {
             self.gaps.pop_front();
         }
-        while self.steps.front().is_some_and(|step| step.monotonic_ns < start_ns) {
+        while self
+            .steps
+            .front()
+            .is_some_and(|step| step.monotonic_ns < start_ns)
+        {
             self.steps.pop_front();
         }
-        while self.aux.front().is_some_and(|(group, _)| (group + 1) * AUX_SPAN <= first) {
+        while self
+            .aux
+            .front()
+            .is_some_and(|(group, _)| (group + 1) * AUX_SPAN <= first)
+        {
             self.aux.pop_front();
         }
     }
@@ -194,7 +213,8 @@ impl Ring {
 
     /// Cuts an event's copy at an index.
     pub fn cut(&mut self, end: u64) {
-        self.slots.truncate(num::usize_of(end.saturating_sub(self.first)));
+        self.slots
+            .truncate(num::usize_of(end.saturating_sub(self.first)));
     }
 }
 
@@ -213,7 +233,11 @@ impl RawRing {
     /// A window of so many nanoseconds.
     #[must_use]
     pub fn new(keep_ns: i64) -> Self {
-        Self { frames: VecDeque::new(), keep_ns, next: 0 }
+        Self {
+            frames: VecDeque::new(),
+            keep_ns,
+            next: 0,
+        }
     }
 
     /// Adds a frame; gives its number.
@@ -222,7 +246,10 @@ impl RawRing {
         self.next += 1;
         self.frames.push_back((number, monotonic_ns, *frame));
         while self.frames.len() > MOST_RAW
-            || self.frames.front().is_some_and(|(_, time, _)| *time < monotonic_ns - self.keep_ns)
+            || self
+                .frames
+                .front()
+                .is_some_and(|(_, time, _)| *time < monotonic_ns - self.keep_ns)
         {
             self.frames.pop_front();
         }
@@ -230,7 +257,12 @@ impl RawRing {
     }
 
     /// Frames received between two times, both included, with numbers from `from` on.
-    pub fn between(&self, from: u64, start_ns: i64, end_ns: i64) -> impl Iterator<Item = &(u64, i64, Frame)> {
+    pub fn between(
+        &self,
+        from: u64,
+        start_ns: i64,
+        end_ns: i64,
+    ) -> impl Iterator<Item = &(u64, i64, Frame)> {
         self.frames
             .iter()
             .filter(move |(number, time, _)| *number >= from && (start_ns..=end_ns).contains(time))

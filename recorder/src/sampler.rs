@@ -15,7 +15,7 @@ use schema::sample::Sample;
 
 use crate::axes::Mounting;
 use crate::bins::{AXES, Bin, Bins, GROUPS, index_of, start_of};
-use crate::imu_stream::ImuStream;
+use crate::imu_stream::{ImuStream, Next};
 use crate::plan::{Plan, Role};
 
 /// A bin stays open at least so long after its end, for frames of another bus that come late.
@@ -90,7 +90,8 @@ impl Sampler {
     /// A sampler for the plan; frames of at least `peak_threshold` (m/s^2) are given out.
     #[must_use]
     pub fn new(plan: &Plan, mounting: Mounting, peak_threshold: Option<f64>) -> Self {
-        let mut streams = vec![ImuStream::new(0, [f64::INFINITY; AXES], [false; AXES]); plan.imu_streams];
+        let mut streams =
+            vec![ImuStream::new(0, [f64::INFINITY; AXES], [false; AXES]); plan.imu_streams];
         for stream in plan.messages.iter().flat_map(|message| &message.streams) {
             if let Role::Imu { number, channels } = &stream.role
                 && let Some(slot) = streams.get_mut(*number)
@@ -98,12 +99,18 @@ impl Sampler {
                 let mut limits = [f64::INFINITY; AXES];
                 let mut carries = [false; AXES];
                 for channel in channels {
-                    if let (Some(limit), Some(carried)) = (limits.get_mut(channel.axis), carries.get_mut(channel.axis)) {
+                    if let (Some(limit), Some(carried)) =
+                        (limits.get_mut(channel.axis), carries.get_mut(channel.axis))
+                    {
                         *limit = channel.limit;
                         *carried = true;
                     }
                 }
-                *slot = ImuStream::new(stream.counter.map_or(0, |bits| bits.size()), limits, carries);
+                *slot = ImuStream::new(
+                    stream.counter.map_or(0, |bits| bits.size()),
+                    limits,
+                    carries,
+                );
             }
         }
         Self {
@@ -152,7 +159,8 @@ impl Sampler {
     /// Begins (or begins anew) at a time: no line, no open bin. Bins before the first frame are not given out.
     pub fn begin(&mut self, time_ns: i64) {
         // A frame stands for the period before it: leave room for a slow sensor's.
-        self.bins.begin(index_of(time_ns.saturating_sub(10 * PATIENCE_NS)).max(self.bins.base()));
+        self.bins
+            .begin(index_of(time_ns.saturating_sub(10 * PATIENCE_NS)).max(self.bins.base()));
         self.started = false;
         for stream in &mut self.streams {
             stream.restart(None);
@@ -160,7 +168,14 @@ impl Sampler {
     }
 
     /// An IMU frame: the values its channels carry (NaN: none).
-    pub fn imu(&mut self, number: usize, time_ns: i64, counter: Option<u32>, values: [f64; AXES], out: &mut Vec<Output>) {
+    pub fn imu(
+        &mut self,
+        number: usize,
+        time_ns: i64,
+        counter: Option<u32>,
+        values: [f64; AXES],
+        out: &mut Vec<Output>,
+    ) {
         if let Some(stream) = self.streams.get_mut(number) {
             stream.push(time_ns, counter, values);
         }
@@ -179,14 +194,23 @@ impl Sampler {
     /// Time goes on to `now_ns`: places frames that waited long enough and closes bins.
     pub fn advance(&mut self, now_ns: i64, out: &mut Vec<Output>) {
         for number in 0..self.streams.len() {
-            if self.streams.get(number).is_some_and(|stream| stream.is_overdue(now_ns)) {
+            if self
+                .streams
+                .get(number)
+                .is_some_and(|stream| stream.is_overdue(now_ns))
+            {
                 self.pump(number, now_ns, false, out);
             }
         }
         if now_ns - PATIENCE_NS < start_of(self.bins.base() + 1) {
             return;
         }
-        let behind = self.streams.iter().filter_map(|stream| stream.behind(now_ns - LAG_NS)).min().unwrap_or(i64::MAX);
+        let behind = self
+            .streams
+            .iter()
+            .filter_map(|stream| stream.behind(now_ns - LAG_NS))
+            .min()
+            .unwrap_or(i64::MAX);
         let until = behind.max(now_ns - LAG_NS).min(now_ns - PATIENCE_NS);
         self.close(until, out);
     }
@@ -196,7 +220,13 @@ impl Sampler {
         for number in 0..self.streams.len() {
             self.pump(number, now_ns, true, out);
         }
-        let reach = self.streams.iter().filter_map(ImuStream::tiled_ns).max().unwrap_or(now_ns).max(now_ns);
+        let reach = self
+            .streams
+            .iter()
+            .filter_map(ImuStream::tiled_ns)
+            .max()
+            .unwrap_or(now_ns)
+            .max(now_ns);
         self.close(reach, out);
     }
 
@@ -240,22 +270,38 @@ impl Sampler {
                 frames: *frames,
             });
         }
-        Closed { index, sample, frames: bin.frames, lost: bin.lost, clips }
+        Closed {
+            index,
+            sample,
+            frames: bin.frames,
+            lost: bin.lost,
+            clips,
+        }
     }
 
     fn count(&mut self, group: usize, time_ns: i64) {
-        if let Some(frames) = self.bins.at(index_of(time_ns)).and_then(|bin| bin.frames.get_mut(group)) {
+        if let Some(frames) = self
+            .bins
+            .at(index_of(time_ns))
+            .and_then(|bin| bin.frames.get_mut(group))
+        {
             *frames = frames.saturating_add(1);
         }
     }
 
     /// Places the waiting frames of a stream as far as they can be.
     fn pump(&mut self, number: usize, now_ns: i64, force: bool, out: &mut Vec<Output>) {
-        let Some(stream) = self.streams.get_mut(number) else { return };
-        while let Some(step) = stream.next(now_ns, force) {
-            let Some(placed) = step else {
-                self.unplaced += 1;
-                continue;
+        let Some(stream) = self.streams.get_mut(number) else {
+            return;
+        };
+        loop {
+            let placed = match stream.next(now_ns, force) {
+                Next::Wait => return,
+                Next::Unplaced => {
+                    self.unplaced += 1;
+                    continue;
+                }
+                Next::Placed(placed) => placed,
             };
             if let Some((from, bridge)) = placed.bridge {
                 self.bins.spread(&bridge, from, placed.start);
@@ -267,7 +313,9 @@ impl Sampler {
             let middle = index_of(num::floor_i64(f64::midpoint(placed.start, placed.end)));
             if let Some(bin) = self.bins.at(middle) {
                 let lost = u16::try_from(placed.lost).unwrap_or(u16::MAX);
-                for (group, (axes, slot)) in [(0..3), (3..6)].into_iter().zip(&mut bin.lost).enumerate() {
+                for (group, (axes, slot)) in
+                    [(0..3), (3..6)].into_iter().zip(&mut bin.lost).enumerate()
+                {
                     if stream.leads(group) {
                         *slot = slot.saturating_add(lost);
                         if let Some(frames) = bin.frames.get_mut(group) {
@@ -275,7 +323,13 @@ impl Sampler {
                         }
                     }
                     for axis in axes {
-                        clip(&mut bin.axis_frames, &mut bin.clipped, axis, placed.values, stream.limit(axis));
+                        clip(
+                            &mut bin.axis_frames,
+                            &mut bin.clipped,
+                            axis,
+                            placed.values,
+                            stream.limit(axis),
+                        );
                     }
                 }
             }
@@ -296,8 +350,18 @@ impl Sampler {
     }
 }
 
-fn clip(frames: &mut [u16; AXES], clipped: &mut [[u16; 2]; AXES], axis: usize, values: [f64; AXES], limit: f64) {
-    let (Some(value), Some(frames), Some([down, up])) = (values.get(axis), frames.get_mut(axis), clipped.get_mut(axis)) else {
+fn clip(
+    frames: &mut [u16; AXES],
+    clipped: &mut [[u16; 2]; AXES],
+    axis: usize,
+    values: [f64; AXES],
+    limit: f64,
+) {
+    let (Some(value), Some(frames), Some([down, up])) = (
+        values.get(axis),
+        frames.get_mut(axis),
+        clipped.get_mut(axis),
+    ) else {
         return;
     };
     if value.is_nan() {
@@ -313,12 +377,22 @@ fn clip(frames: &mut [u16; AXES], clipped: &mut [[u16; 2]; AXES], axis: usize, v
 
 /// Magnitude of the latest acceleration, if all three axes are fresh.
 fn peak(latest: &[(f64, f64); 3], now: f64, mounting: &Mounting) -> Option<Peak> {
-    if latest.iter().any(|(value, time)| value.is_nan() || now - time > 5e7) {
+    if latest
+        .iter()
+        .any(|(value, time)| value.is_nan() || now - time > 5e7)
+    {
         return None;
     }
     let [(x, _), (y, _), (z, _)] = latest;
     let value = (x * x + y * y + z * z).sqrt();
-    let largest = [x, y, z].into_iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let largest = [x, y, z]
+        .into_iter()
+        .enumerate()
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let axis = mounting.nearest(largest.map_or(0, |(axis, _)| axis)).0;
-    Some(Peak { time_ns: num::round_i64(now), value, axis })
+    Some(Peak {
+        time_ns: num::round_i64(now),
+        value,
+        axis,
+    })
 }

@@ -61,8 +61,18 @@ impl Bits {
     /// When they are no signal or lie beyond 64 bytes.
     pub fn new(start: u64, size: u64, order: ByteOrder, coding: Coding) -> Result<Self, BitsError> {
         match coding {
-            Coding::Float32 if size != 32 => return Err(BitsError::Float { expected: 32, found: size }),
-            Coding::Float64 if size != 64 => return Err(BitsError::Float { expected: 64, found: size }),
+            Coding::Float32 if size != 32 => {
+                return Err(BitsError::Float {
+                    expected: 32,
+                    found: size,
+                });
+            }
+            Coding::Float64 if size != 64 => {
+                return Err(BitsError::Float {
+                    expected: 64,
+                    found: size,
+                });
+            }
             _ => {}
         }
         if size == 0 || size > 64 {
@@ -118,7 +128,10 @@ impl Bits {
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
         let own = self.mask();
-        other.mask().iter().any(|(byte, bits)| own.iter().any(|(at, mine)| at == byte && mine & bits != 0))
+        other
+            .mask()
+            .iter()
+            .any(|(byte, bits)| own.iter().any(|(at, mine)| at == byte && mine & bits != 0))
     }
 
     /// Bytes and the bits used of each.
@@ -203,7 +216,11 @@ pub enum Reading {
 pub fn selected(selectors: &[Selector], data: &[u8]) -> Option<bool> {
     for selector in selectors {
         let value = selector.bits.raw(data)?;
-        if !selector.ranges.iter().any(|&(low, high)| (low..=high).contains(&value)) {
+        if !selector
+            .ranges
+            .iter()
+            .any(|&(low, high)| (low..=high).contains(&value))
+        {
             return Some(false);
         }
     }
@@ -229,7 +246,11 @@ impl Scaled {
             None => Reading::TooShort,
             Some(number) => {
                 let value = number * self.factor + self.offset;
-                if value.is_finite() { Reading::Value(value) } else { Reading::NotFinite }
+                if value.is_finite() {
+                    Reading::Value(value)
+                } else {
+                    Reading::NotFinite
+                }
             }
         }
     }
@@ -242,7 +263,10 @@ mod tests {
 
     /// Bit by bit as the DBC numbers them: slow and plain.
     fn slow(data: &[u8], start: u64, size: u64, order: ByteOrder) -> Option<u64> {
-        let bit_at = |at: u64| data.get(num::usize_of(at / 8)).map(|byte| u64::from(byte >> (at % 8) & 1));
+        let bit_at = |at: u64| {
+            data.get(num::usize_of(at / 8))
+                .map(|byte| u64::from(byte >> (at % 8) & 1))
+        };
         let mut value = 0;
         let mut at = start;
         for step in 0..size {
@@ -250,7 +274,11 @@ mod tests {
                 ByteOrder::Little => value |= bit_at(start + step)? << step,
                 ByteOrder::Big => {
                     value = value << 1 | bit_at(at)?;
-                    at = if at % 8 == 0 { at + 15 } else { at - 1 };
+                    at = if at.is_multiple_of(8) {
+                        at + 15
+                    } else {
+                        at - 1
+                    };
                 }
             }
         }
@@ -287,7 +315,11 @@ mod tests {
         assert_eq!(bits.number(&[0xF0, 0xFF]), Some(-1.0));
         let float = Bits::new(7, 32, ByteOrder::Big, Coding::Float32).unwrap();
         assert_eq!(float.number(&[0x3F, 0xC0, 0, 0]), Some(1.5));
-        let scaled = Scaled { bits: float, factor: 1.0, offset: 0.0 };
+        let scaled = Scaled {
+            bits: float,
+            factor: 1.0,
+            offset: 0.0,
+        };
         assert_eq!(scaled.read(&[0x7F, 0xC0, 0, 0]), Reading::NotFinite);
         assert_eq!(scaled.read(&[0x7F, 0xC0, 0]), Reading::TooShort);
     }

@@ -31,7 +31,7 @@ pub enum Judgement {
 pub struct Timebase {
     offset_ns: i64,
     newest_ns: i64,
-    held_ns: Option<i64>,
+    held: Option<i64>,
 }
 
 impl Timebase {
@@ -39,7 +39,11 @@ impl Timebase {
     #[must_use]
     pub fn new(first_ns: i64) -> Self {
         let offset_ns = (first_ns.div_euclid(1_000_000_000) - 1) * 1_000_000_000;
-        Self { offset_ns, newest_ns: first_ns, held_ns: None }
+        Self {
+            offset_ns,
+            newest_ns: first_ns,
+            held: None,
+        }
     }
 
     /// UTC minus monotonic time, ns; always full bins.
@@ -63,16 +67,24 @@ impl Timebase {
     /// Judges a stamp.
     pub fn judge(&mut self, stamp_ns: i64) -> Judgement {
         let near = |to: i64| (-EARLIER_NS..=LATER_NS).contains(&stamp_ns.saturating_sub(to));
-        let held = self.held_ns.take();
+        let held = self.held.take();
         match (near(self.newest_ns), held) {
             (true, held) => {
                 self.newest_ns = self.newest_ns.max(stamp_ns);
-                if held.is_some() { Judgement::DropHeld } else { Judgement::Good }
+                if held.is_some() {
+                    Judgement::DropHeld
+                } else {
+                    Judgement::Good
+                }
             }
             (false, Some(held)) if near(held) => Judgement::Step,
             (false, held) => {
-                self.held_ns = Some(stamp_ns);
-                if held.is_some() { Judgement::Replace } else { Judgement::Hold }
+                self.held = Some(stamp_ns);
+                if held.is_some() {
+                    Judgement::Replace
+                } else {
+                    Judgement::Hold
+                }
             }
         }
     }
@@ -85,7 +97,8 @@ impl Timebase {
         if stamp_ns >= before {
             return None;
         }
-        let seam_end = (before.saturating_sub(self.offset_ns).div_euclid(SAMPLE_NS) + 2) * SAMPLE_NS;
+        let seam_end =
+            (before.saturating_sub(self.offset_ns).div_euclid(SAMPLE_NS) + 2) * SAMPLE_NS;
         let old = self.offset_ns;
         self.offset_ns = stamp_ns.div_euclid(SAMPLE_NS) * SAMPLE_NS - seam_end;
         Some((self.offset_ns - old, seam_end))
@@ -103,7 +116,11 @@ mod tests {
         let mut line = Timebase::new(100 * S + 5);
         assert_eq!(line.now_ns(), S + 5);
         assert_eq!(line.judge(100 * S + 20_000_000), Judgement::Good);
-        assert_eq!(line.judge(100 * S), Judgement::Good, "20 ms earlier is another bus");
+        assert_eq!(
+            line.judge(100 * S),
+            Judgement::Good,
+            "20 ms earlier is another bus"
+        );
         assert_eq!(line.judge(5000 * S), Judgement::Hold);
         assert_eq!(line.judge(100 * S + 30_000_000), Judgement::DropHeld);
         assert_eq!(line.judge(50 * S), Judgement::Hold);

@@ -79,7 +79,11 @@ impl Timeline {
     #[must_use]
     pub fn new(counter_bits: u32) -> Self {
         Self {
-            modulus: if counter_bits == 0 { 0 } else { 1_i64 << counter_bits.min(31) },
+            modulus: if counter_bits == 0 {
+                0
+            } else {
+                1_i64 << counter_bits.min(31)
+            },
             period: 0.0,
             line: 0.0,
             tiled: None,
@@ -130,7 +134,9 @@ impl Timeline {
 
     /// Fits a new line to the waiting frames (two or more, or one if a period is known). False if it can not.
     pub fn start(&mut self, waiting: &[Arrival]) -> bool {
-        let [first, rest @ ..] = waiting else { return false };
+        let [first, rest @ ..] = waiting else {
+            return false;
+        };
         let count = waiting.len();
         if count >= 3 || (self.period == 0.0 && count == 2) {
             let span = rest.last().map_or(0.0, |last| last.time - first.time);
@@ -162,7 +168,12 @@ impl Timeline {
         let mut gaps: Vec<f64> = waiting.windows(2).map(|pair| step(pair).0).collect();
         let counted: Option<Vec<i64>> = waiting
             .windows(2)
-            .map(|pair| step(pair).1.map(|count| count.rem_euclid(self.modulus.max(1))).filter(|count| *count != 0))
+            .map(|pair| {
+                step(pair)
+                    .1
+                    .map(|count| count.rem_euclid(self.modulus.max(1)))
+                    .filter(|count| *count != 0)
+            })
             .collect();
         if self.modulus > 0
             && let Some(steps) = counted
@@ -175,21 +186,35 @@ impl Timeline {
         gaps.sort_by(f64::total_cmp);
         let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
         // Frames in bursts have a median far below the mean and no losses to be seen.
-        if median < 0.5 * total / num::real(gaps.len().max(1)) && gaps.last().copied().unwrap_or(0.0) < 0.5 * total {
+        if median < 0.5 * total / num::real(gaps.len().max(1))
+            && gaps.last().copied().unwrap_or(0.0) < 0.5 * total
+        {
             return cumulate(&plain);
         }
         let jumps: Vec<i64> = waiting
             .windows(2)
             .map(|pair| step(pair).0)
-            .map(|gap| if gap > 1.8 * median { num::round_i64(gap / median.max(1.0)).clamp(1, 1 << 40) } else { 1 })
+            .map(|gap| {
+                if gap > 1.8 * median {
+                    num::round_i64(gap / median.max(1.0)).clamp(1, 1 << 40)
+                } else {
+                    1
+                }
+            })
             .collect();
         let (plain, jumps) = (cumulate(&plain), cumulate(&jumps));
-        if misfit(waiting, &plain) <= misfit(waiting, &jumps) { plain } else { jumps }
+        if misfit(waiting, &plain) <= misfit(waiting, &jumps) {
+            plain
+        } else {
+            jumps
+        }
     }
 
     /// Places the first of the waiting frames.
     pub fn place(&mut self, waiting: &[Arrival]) -> Verdict {
-        let Some(head) = waiting.first() else { return Verdict::Restart };
+        let Some(head) = waiting.first() else {
+            return Verdict::Restart;
+        };
         let late = (head.time - self.line) / self.period - 1.0;
         let mut lateness = [0.0; AHEAD + 1];
         let mut count = 0;
@@ -217,9 +242,13 @@ impl Timeline {
         let bound = (3.0 * self.spread).max(0.02 * self.period);
         let residual = head.time - due;
         let bounded = residual.clamp(-bound, bound);
-        self.weight = (self.weight + 1.0).min((MEMORY_NS / self.period).clamp(MEMORY_FRAMES.0, MEMORY_FRAMES.1));
+        self.weight = (self.weight + 1.0)
+            .min((MEMORY_NS / self.period).clamp(MEMORY_FRAMES.0, MEMORY_FRAMES.1));
         let n = self.weight;
-        let (phase_gain, period_gain) = (2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0)));
+        let (phase_gain, period_gain) = (
+            2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)),
+            6.0 / (n * (n + 1.0)),
+        );
         self.line = due + phase_gain * bounded;
         self.period = (self.period + period_gain * bounded / steps).max(1.0);
         self.spread += (residual.abs().min(self.period) - self.spread) / n.min(100.0);
@@ -230,17 +259,24 @@ impl Timeline {
     /// Frames lost before the head, by its counter or by its time and that of the frames behind it.
     fn lost(&self, head: &Arrival, late: f64, median: f64) -> i64 {
         let by_time = num::round_i64(late).min(num::round_i64(median)).max(0);
-        let (Some(last), Some(now)) = (self.last_counter, head.counter) else { return by_time };
+        let (Some(last), Some(now)) = (self.last_counter, head.counter) else {
+            return by_time;
+        };
         if self.modulus < 2 {
             return by_time;
         }
         let counted = (i64::from(now) - i64::from(last) - 1).rem_euclid(self.modulus);
         // The counter knows the number but for whole turns; time says which turn. Where they disagree by more
         // than jitter can explain, the counter was reset (or stands still) and time decides.
-        let turns = num::round_i64((late - num::real_i64(counted)) / num::real_i64(self.modulus)).max(0);
+        let turns =
+            num::round_i64((late - num::real_i64(counted)) / num::real_i64(self.modulus)).max(0);
         let counted = counted + turns * self.modulus;
         let allowed = 1.5 + 3.0 * self.spread / self.period;
-        if (num::real_i64(counted) - late).abs() <= allowed { counted } else { by_time }
+        if (num::real_i64(counted) - late).abs() <= allowed {
+            counted
+        } else {
+            by_time
+        }
     }
 
     /// True if frame after frame says that the period is another.
@@ -260,7 +296,12 @@ impl Timeline {
     fn tile(&mut self, lost: i64) -> Placed {
         let Some(tiled) = self.tiled else {
             self.tiled = Some(self.line);
-            return Placed { start: self.line - self.period, end: self.line, hole: 0.0, lost: 0 };
+            return Placed {
+                start: self.line - self.period,
+                end: self.line,
+                hole: 0.0,
+                lost: 0,
+            };
         };
         // Where the line was stepped back, later periods are shortened until it has caught up.
         let end = self.line.max(tiled + 0.5 * self.period);
@@ -269,9 +310,19 @@ impl Timeline {
         let hole = own - tiled;
         self.tiled = Some(end);
         if (lost > 0 && hole > 0.0) || hole > 0.75 * self.period {
-            Placed { start: own, end, hole, lost: lost.unsigned_abs() }
+            Placed {
+                start: own,
+                end,
+                hole,
+                lost: lost.unsigned_abs(),
+            }
         } else {
-            Placed { start: tiled, end, hole: 0.0, lost: lost.unsigned_abs() }
+            Placed {
+                start: tiled,
+                end,
+                hole: 0.0,
+                lost: lost.unsigned_abs(),
+            }
         }
     }
 }
@@ -281,7 +332,10 @@ fn step(pair: &[Arrival]) -> (f64, Option<i64>) {
     match pair {
         [before, after] => (
             after.time - before.time,
-            before.counter.zip(after.counter).map(|(before, after)| i64::from(after) - i64::from(before)),
+            before
+                .counter
+                .zip(after.counter)
+                .map(|(before, after)| i64::from(after) - i64::from(before)),
         ),
         _ => (0.0, None),
     }
@@ -314,6 +368,9 @@ fn fit(waiting: &[Arrival], numbers: &[f64]) -> (f64, f64) {
 /// Sum of squares about the fit, in squared periods.
 fn misfit(waiting: &[Arrival], numbers: &[f64]) -> f64 {
     let (at, period) = fit(waiting, numbers);
-    let squares = waiting.iter().zip(numbers).map(|(arrival, number)| (arrival.time - at - period * number).powi(2));
+    let squares = waiting
+        .iter()
+        .zip(numbers)
+        .map(|(arrival, number)| (arrival.time - at - period * number).powi(2));
     squares.sum::<f64>() / period.powi(2).max(1.0)
 }

@@ -5,9 +5,9 @@
 //! trigger more than 5 s after the last, while an event still runs, begins the next event, which is
 //! frozen at once and becomes the running one when the first is sealed.
 
+use schema::Sample;
 use schema::num;
 use schema::parts::TriggerKind;
-use schema::Sample;
 
 use crate::bins::{index_of, start_of};
 use crate::config::{Condition, Settings};
@@ -48,12 +48,20 @@ impl Rules {
         Self {
             peak: settings.trigger.peak,
             delta_v: settings.trigger.delta_v,
-            can: settings.trigger.can.iter().map(|trigger| trigger.condition).collect(),
+            can: settings
+                .trigger
+                .can
+                .iter()
+                .map(|trigger| trigger.condition)
+                .collect(),
             after: settings.ring.after,
             rest: RestLimits {
                 accel_bias: settings.imu.accel_bias,
                 rate_bias: settings.imu.rate_bias,
-                wheel_cutoff: settings.wheels.present.then_some(settings.wheels.cutoff_mps),
+                wheel_cutoff: settings
+                    .wheels
+                    .present
+                    .then_some(settings.wheels.cutoff_mps),
             },
         }
     }
@@ -119,7 +127,11 @@ struct Phase {
 
 impl Phase {
     fn new(fired: &Fired, after: u64) -> Self {
-        Self { last_ns: fired.monotonic_ns, limit: fired.index + MOST_AFTER, end: fired.index + 1 + after }
+        Self {
+            last_ns: fired.monotonic_ns,
+            limit: fired.index + MOST_AFTER,
+            end: fired.index + 1 + after,
+        }
     }
 
     fn extend(&mut self, fired: &Fired, after: u64) {
@@ -188,14 +200,17 @@ impl State {
                 self.delta_v = delta_v;
                 if let Some(crossing) = crossing {
                     let within = num::round_i64(crossing.part * crate::bins::BIN);
-                    return self.fire(rules, Fired {
-                        kind: TriggerKind::DeltaV,
-                        monotonic_ns: start_of(index).saturating_add(within),
-                        index,
-                        value: crossing.value,
-                        threshold: rules.delta_v.unwrap_or(0.0),
-                        source: crossing.axis,
-                    });
+                    return self.fire(
+                        rules,
+                        Fired {
+                            kind: TriggerKind::DeltaV,
+                            monotonic_ns: start_of(index).saturating_add(within),
+                            index,
+                            value: crossing.value,
+                            threshold: rules.delta_v.unwrap_or(0.0),
+                            source: crossing.axis,
+                        },
+                    );
                 }
                 self.finish(index)
             }
@@ -209,24 +224,30 @@ impl State {
                     return (self, Action::None);
                 }
                 // A frame stands for the time up to its stamp, so one at a bin's very start belongs to the bin before.
-                self.fire(rules, Fired {
-                    kind: TriggerKind::Peak,
-                    monotonic_ns: peak.time_ns,
-                    index: index_of(peak.time_ns - 1),
-                    value: peak.value,
-                    threshold,
-                    source: peak.axis,
-                })
+                self.fire(
+                    rules,
+                    Fired {
+                        kind: TriggerKind::Peak,
+                        monotonic_ns: peak.time_ns,
+                        index: index_of(peak.time_ns - 1),
+                        value: peak.value,
+                        threshold,
+                        source: peak.axis,
+                    },
+                )
             }
             Input::Can(slot, time_ns, value) => self.can(rules, slot, time_ns, value),
-            Input::Manual(time_ns) => self.fire(rules, Fired {
-                kind: TriggerKind::Manual,
-                monotonic_ns: time_ns,
-                index: index_of(time_ns),
-                value: 0.0,
-                threshold: 0.0,
-                source: 0,
-            }),
+            Input::Manual(time_ns) => self.fire(
+                rules,
+                Fired {
+                    kind: TriggerKind::Manual,
+                    monotonic_ns: time_ns,
+                    index: index_of(time_ns),
+                    value: 0.0,
+                    threshold: 0.0,
+                    source: 0,
+                },
+            ),
         }
     }
 
@@ -235,7 +256,10 @@ impl State {
             return (self, Action::None);
         };
         let (holds, threshold) = match *condition {
-            Condition::Equals(wanted) => ((value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0), wanted),
+            Condition::Equals(wanted) => (
+                (value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0),
+                wanted,
+            ),
             Condition::Above(limit) => (value > limit, limit),
         };
         if !holds {
@@ -251,7 +275,17 @@ impl State {
             return (self, Action::None);
         }
         let (kind, index) = (TriggerKind::Can, index_of(time_ns));
-        self.fire(rules, Fired { kind, monotonic_ns: time_ns, index, value, threshold, source: slot })
+        self.fire(
+            rules,
+            Fired {
+                kind,
+                monotonic_ns: time_ns,
+                index,
+                value,
+                threshold,
+                source: slot,
+            },
+        )
     }
 
     fn fire(mut self, rules: &Rules, fired: Fired) -> (Self, Action) {
@@ -260,7 +294,10 @@ impl State {
                 self.current = Some(Phase::new(&fired, rules.after));
                 Action::Open(fired)
             }
-            (Some(phase), _) if fired.monotonic_ns - phase.last_ns <= ONE_EVENT_NS && fired.index < phase.limit => {
+            (Some(phase), _)
+                if fired.monotonic_ns - phase.last_ns <= ONE_EVENT_NS
+                    && fired.index < phase.limit =>
+            {
                 phase.extend(&fired, rules.after);
                 Action::Mark(fired)
             }
@@ -277,7 +314,9 @@ impl State {
     }
 
     fn finish(mut self, index: u64) -> (Self, Action) {
-        let Some(phase) = self.current else { return (self, Action::None) };
+        let Some(phase) = self.current else {
+            return (self, Action::None);
+        };
         let at_rest = self.rest.at_rest();
         if index + 1 >= phase.end && (at_rest || index + 1 >= phase.end + MOST_TAIL) {
             self.current = self.next.take();

@@ -198,7 +198,11 @@ pub(crate) struct Ring {
 
 impl Default for Ring {
     fn default() -> Self {
-        Self { seconds: 40.0, post_trigger_s: 10.0, layout: LayoutName::Full }
+        Self {
+            seconds: 40.0,
+            post_trigger_s: 10.0,
+            layout: LayoutName::Full,
+        }
     }
 }
 
@@ -212,7 +216,11 @@ pub(crate) struct Trigger {
 
 impl Default for Trigger {
     fn default() -> Self {
-        Self { peak_g: Threshold::Value(50.0), delta_v_kmh: Threshold::Value(8.0), can: Vec::new() }
+        Self {
+            peak_g: Threshold::Value(50.0),
+            delta_v_kmh: Threshold::Value(8.0),
+            can: Vec::new(),
+        }
     }
 }
 
@@ -243,7 +251,11 @@ pub(crate) struct Raw {
 
 impl Default for Raw {
     fn default() -> Self {
-        Self { frames: FramesName::Mapped, before_s: 1.0, after_s: 1.0 }
+        Self {
+            frames: FramesName::Mapped,
+            before_s: 1.0,
+            after_s: 1.0,
+        }
     }
 }
 
@@ -256,7 +268,10 @@ pub(crate) struct Store {
 
 impl Default for Store {
     fn default() -> Self {
-        Self { dir: "records".to_owned(), keep: 5 }
+        Self {
+            dir: "records".to_owned(),
+            keep: 5,
+        }
     }
 }
 
@@ -269,10 +284,15 @@ impl Config {
             // serde names the unknown field first and then the known ones, each between back quotes.
             let mut names = message.split('`').skip(1).step_by(2);
             match (message.starts_with("unknown field"), names.next()) {
-                (true, Some(key)) => {
-                    ConfigError::UnknownKey { place, key: key.to_owned(), hint: nearest(key, names) }
-                }
-                _ => ConfigError::Syntax { place, message: message.to_owned() },
+                (true, Some(key)) => ConfigError::UnknownKey {
+                    place,
+                    key: key.to_owned(),
+                    hint: nearest(key, names),
+                },
+                _ => ConfigError::Syntax {
+                    place,
+                    message: message.to_owned(),
+                },
             }
         })
     }

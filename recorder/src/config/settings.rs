@@ -1,5 +1,6 @@
 //! Valid settings: everything checked, SI and radians, signals resolved to bits.
 
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -128,7 +129,10 @@ impl Settings {
     /// # Errors
     /// The first thing that is wrong, with file and line.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| ConfigError::Read {
+            path: path.to_path_buf(),
+            source,
+        })?;
         Self::from_text(path, &text, path.parent().unwrap_or(Path::new("")))
     }
 
@@ -149,13 +153,25 @@ impl Settings {
         let settings = Self {
             device_id: config.device.id.clone(),
             vehicle: check.vehicle(&config)?,
-            mounting: Mounting::new(matches!(config.imu.axes, AxesName::FrontLeftUp), imu.mounting),
+            mounting: Mounting::new(
+                matches!(config.imu.axes, AxesName::FrontLeftUp),
+                imu.mounting,
+            ),
             wheels: check.wheels(&config)?,
-            buses: config.bus.iter().map(|bus| Bus { interface: bus.interface.clone() }).collect(),
+            buses: config
+                .bus
+                .iter()
+                .map(|bus| Bus {
+                    interface: bus.interface.clone(),
+                })
+                .collect(),
             ring: check.ring(&config)?,
             trigger: check.trigger(&config)?,
             raw: check.raw(&config)?,
-            store: Store { dir: base_dir.join(&config.store.dir), keep: check.keep(&config)? },
+            store: Store {
+                dir: base_dir.join(&config.store.dir),
+                keep: check.keep(&config)?,
+            },
             config_sha256: Sha256::digest(text.as_bytes()).into(),
             plan: Mapper::new(&config, &source, &databases).build()?,
             imu,
@@ -170,12 +186,12 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
-    fn wrong(&self, key: &str, expected: &str, found: impl ToString) -> ConfigError {
+    fn wrong(&self, key: &str, expected: &str, found: impl fmt::Display) -> ConfigError {
         ConfigError::Value {
             place: self.source.place(key),
             key: key.to_owned(),
             expected: expected.to_owned(),
-            found: found.to_string(),
+            found: format!("{found}"),
         }
     }
 
@@ -198,7 +214,12 @@ impl Check<'_> {
             if bus.interface.is_empty() || bus.interface.len() > 64 {
                 return Err(self.wrong(&key, "a name of 1 to 64 bytes", &bus.interface));
             }
-            if config.bus.iter().take(at).any(|other| other.interface == bus.interface) {
+            if config
+                .bus
+                .iter()
+                .take(at)
+                .any(|other| other.interface == bus.interface)
+            {
                 return Err(ConfigError::Overlap {
                     place: self.source.place(&key),
                     key,
@@ -249,20 +270,34 @@ impl Check<'_> {
 
     fn imu(&self, config: &Config) -> Result<ImuSheet, ConfigError> {
         let (imu, noise) = (&config.imu, &config.imu.noise);
-        let angles = |key: &str, degrees: [f64; 3], low: f64, high: f64| -> Result<[f64; 3], ConfigError> {
-            let mut radians = [0.0; 3];
-            for (axis, (into, degree)) in radians.iter_mut().zip(degrees).enumerate() {
-                *into = Radians::from_deg(self.within(&format!("imu.{key}[{axis}]"), degree, low, high)?).0;
-            }
-            Ok(radians)
-        };
+        let angles =
+            |key: &str, degrees: [f64; 3], low: f64, high: f64| -> Result<[f64; 3], ConfigError> {
+                let mut radians = [0.0; 3];
+                for (axis, (into, degree)) in radians.iter_mut().zip(degrees).enumerate() {
+                    *into = Radians::from_deg(self.within(
+                        &format!("imu.{key}[{axis}]"),
+                        degree,
+                        low,
+                        high,
+                    )?)
+                    .0;
+                }
+                Ok(radians)
+            };
         let range = |key: &str, value: Option<f64>, high: f64| {
-            value.map(|value| self.within(&format!("imu.{key}"), value, 0.1, high)).transpose()
+            value
+                .map(|value| self.within(&format!("imu.{key}"), value, 0.1, high))
+                .transpose()
         };
-        let noise_of = |key: &str, value: f64, high: f64| self.within(&format!("imu.noise.{key}"), value, 0.0, high);
-        let degps = |key: &str, value: f64, high: f64| Ok(RadiansPerSecond::from_degps(noise_of(key, value, high)?).0);
+        let noise_of = |key: &str, value: f64, high: f64| {
+            self.within(&format!("imu.noise.{key}"), value, 0.0, high)
+        };
+        let degps = |key: &str, value: f64, high: f64| {
+            Ok(RadiansPerSecond::from_degps(noise_of(key, value, high)?).0)
+        };
         Ok(ImuSheet {
-            accel_range: range("accel_range_g", imu.accel_range_g, 10_000.0)?.map(|g| MetersPerSecondSquared::from_g(g).0),
+            accel_range: range("accel_range_g", imu.accel_range_g, 10_000.0)?
+                .map(|g| MetersPerSecondSquared::from_g(g).0),
             rate_range: range("rate_range_degps", imu.rate_range_degps, 100_000.0)?
                 .map(|rate| RadiansPerSecond::from_degps(rate).0),
             accel_density: noise_of("accel_density", noise.accel_density, 10.0)?,
@@ -292,7 +327,9 @@ impl Check<'_> {
                 noise_mps: 0.0,
             });
         };
-        let value = |key: &str, value: f64, high: f64| self.within(&format!("wheels.{key}"), value, 0.0, high);
+        let value = |key: &str, value: f64, high: f64| {
+            self.within(&format!("wheels.{key}"), value, 0.0, high)
+        };
         Ok(WheelSheet {
             present: true,
             latency_s: value("latency_ms", wheels.latency_ms, 1000.0)? / 1000.0,
@@ -309,7 +346,11 @@ impl Check<'_> {
         let seconds = self.within("ring.seconds", ring.seconds, 30.0, 120.0)?;
         let after = self.within("ring.post_trigger_s", ring.post_trigger_s, 1.0, 60.0)?;
         if after >= seconds {
-            return Err(self.wrong("ring.post_trigger_s", &format!("less than ring.seconds ({seconds})"), after));
+            return Err(self.wrong(
+                "ring.post_trigger_s",
+                &format!("less than ring.seconds ({seconds})"),
+                after,
+            ));
         }
         let samples = |seconds: f64| schema::num::u64_of(schema::num::round_usize(seconds * 100.0));
         Ok(Ring {
@@ -325,18 +366,23 @@ impl Check<'_> {
     fn trigger(&self, config: &Config) -> Result<Triggers, ConfigError> {
         let peak = match config.trigger.peak_g {
             Threshold::Switch(false) => None,
-            Threshold::Switch(true) => return Err(self.wrong("trigger.peak_g", "50 to 80, or false", true)),
+            Threshold::Switch(true) => {
+                return Err(self.wrong("trigger.peak_g", "50 to 80, or false", true));
+            }
             Threshold::Value(g) => Some(self.within("trigger.peak_g", g, 50.0, 80.0)?),
         };
         if let (Some(peak), Some(range)) = (peak, config.imu.accel_range_g)
             && peak > range
         {
-            let expected = format!("at most the sensor's range (imu.accel_range_g = {range}), or false");
+            let expected =
+                format!("at most the sensor's range (imu.accel_range_g = {range}), or false");
             return Err(self.wrong("trigger.peak_g", &expected, peak));
         }
         let delta_v = match config.trigger.delta_v_kmh {
             Threshold::Switch(false) => None,
-            Threshold::Switch(true) => return Err(self.wrong("trigger.delta_v_kmh", "1 to 100, or false", true)),
+            Threshold::Switch(true) => {
+                return Err(self.wrong("trigger.delta_v_kmh", "1 to 100, or false", true));
+            }
             Threshold::Value(kmh) => Some(self.within("trigger.delta_v_kmh", kmh, 1.0, 100.0)?),
         };
         let mut can = Vec::new();
@@ -344,9 +390,18 @@ impl Check<'_> {
             let condition = match (trigger.equals, trigger.above) {
                 (Some(value), None) => Condition::Equals(value),
                 (None, Some(value)) => Condition::Above(value),
-                _ => return Err(self.wrong(&format!("trigger.can[{at}]"), "one of equals and above", "both or neither")),
+                _ => {
+                    return Err(self.wrong(
+                        &format!("trigger.can[{at}]"),
+                        "one of equals and above",
+                        "both or neither",
+                    ));
+                }
             };
-            can.push(CanTrigger { signal: trigger.signal.clone(), condition });
+            can.push(CanTrigger {
+                signal: trigger.signal.clone(),
+                condition,
+            });
         }
         if can.len() > 16 {
             return Err(self.wrong("trigger.can", "at most 16", can.len()));
@@ -360,7 +415,9 @@ impl Check<'_> {
 
     fn raw(&self, config: &Config) -> Result<Raw, ConfigError> {
         let nanos = |key: &str, value: f64| -> Result<i64, ConfigError> {
-            Ok(schema::num::round_i64(self.within(key, value, 0.0, 10.0)? * 1e9))
+            Ok(schema::num::round_i64(
+                self.within(key, value, 0.0, 10.0)? * 1e9,
+            ))
         };
         Ok(Raw {
             frames: match config.raw.frames {

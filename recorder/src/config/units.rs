@@ -58,8 +58,8 @@ pub(crate) fn accel(unit: &str) -> Option<f64> {
 pub(crate) fn rate(unit: &str) -> Option<f64> {
     let degree = 1_f64.to_radians();
     match plain(unit).as_str() {
-        "deg/s" | "deg/sec" | "degree/s" | "degrees/s" | "degrees/sec" | "degree/sec" | "dps" | "deg/second"
-        | "\u{B0}/s" | "\u{B0}/sec" => Some(degree),
+        "deg/s" | "deg/sec" | "degree/s" | "degrees/s" | "degrees/sec" | "degree/sec" | "dps"
+        | "deg/second" | "\u{B0}/s" | "\u{B0}/sec" => Some(degree),
         "mdeg/s" | "mdps" => Some(degree / 1000.0),
         "rad/s" | "rad/sec" | "radians/s" => Some(1.0),
         "mrad/s" => Some(0.001),
@@ -74,7 +74,9 @@ pub(crate) fn wheel(unit: &str) -> Option<WheelUnit> {
         "km/h" | "kph" | "kmh" | "km/hr" | "kmph" => Some(WheelUnit::Speed(1.0 / 3.6)),
         "m/s" | "mps" | "m/sec" => Some(WheelUnit::Speed(1.0)),
         "mph" | "mi/h" | "miles/h" => Some(WheelUnit::Speed(0.447_04)),
-        "pulses" | "pulse" | "counts" | "count" | "ticks" | "tick" | "imp" | "edges" => Some(WheelUnit::Pulses),
+        "pulses" | "pulse" | "counts" | "count" | "ticks" | "tick" | "imp" | "edges" => {
+            Some(WheelUnit::Pulses)
+        }
         _ => rate(unit).map(WheelUnit::Rate),
     }
 }
