@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use reconstruct::ReconstructError;
-use reconstruct::export::{funnel, trajectory};
+use reconstruct::export::{compass, funnel, trajectory};
 use reconstruct::findings::RestPose;
 use reconstruct::report::{motion, page, plan, summary, terminal};
 use reconstruct::road::RoadLimits;
@@ -131,7 +131,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     };
     let loaded = Loaded::open(&args.record)?;
     let case = loaded.case();
-    let result = reconstruct(&loaded.record, &options)?;
+    let mut result = reconstruct(&loaded.record, &options)?;
+    compass::to_true_north(&mut result);
     std::fs::create_dir_all(&args.out).map_err(|error| CliError::file(&args.out, error))?;
     let summary = summary::summary(&result, &case);
     let funnel_name = funnel::file_name(&result);

@@ -211,7 +211,7 @@ fn over_time(r: &Reconstruction) -> String {
 
 fn models(r: &Reconstruction) -> String {
     format!(
-        "{}<p>The models use the same record. Where they differ by more than their bounds, the simpler one leaves something out that matters in this crash; dead reckoning states no bounds.</p>\n",
+        "{}<p>The models use the same record. Where they differ by more than their bounds, the simpler one leaves something out that matters in this crash.</p>\n",
         tables::models(r)
     )
 }
