@@ -34,19 +34,24 @@ impl<const N: usize, const M: usize> Belief<N, M> {
     /// Variance of the residual, `S = H P H' + R`.
     #[must_use]
     pub fn innovation_variance(&self, z: &Scalar<N, M>) -> f64 {
-        let (s_x, _) = self.projections(z);
-        self.variance_from(z, &s_x)
+        let (s_x, s_c) = self.projections(z);
+        z.h_x.dot(&s_x) + z.h_c.dot(&s_c) + z.r
     }
 
+    /// `P H'`, split into the estimated and the considered rows. Most of `h_c` is zero.
     fn projections(&self, z: &Scalar<N, M>) -> (SVector<f64, N>, SVector<f64, M>) {
-        let s_x = self.p_xx * z.h_x + self.p_xc * z.h_c;
-        let s_c = self.p_xc.tr_mul(&z.h_x) + self.p_cc.component_mul(&z.h_c);
+        let mut s_x = self.p_xx * z.h_x;
+        let mut s_c = SVector::<f64, M>::zeros();
+        for j in 0..M {
+            let column = self.p_xc.column(j);
+            s_c[j] = column.dot(&z.h_x);
+            let h = z.h_c[j];
+            if h != 0.0 {
+                s_x += column * h;
+                s_c[j] += self.p_cc[j] * h;
+            }
+        }
         (s_x, s_c)
-    }
-
-    fn variance_from(&self, z: &Scalar<N, M>, s_x: &SVector<f64, N>) -> f64 {
-        let s_c = self.p_xc.tr_mul(&z.h_x) + self.p_cc.component_mul(&z.h_c);
-        z.h_x.dot(s_x) + z.h_c.dot(&s_c) + z.r
     }
 
     /// Measurement update with gain on the estimated errors only [S03, 2.20-2.22, after Schmidt].

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::frame::{Body, Nav, Rot, Vec3};
+use crate::frame::{Body, Nav, Rot, Vec3, exp_so3};
 
 /// Rate of the Earth, rad/s (WGS 84).
 pub const EARTH_RATE: f64 = 7.292_115e-5;
@@ -98,7 +98,8 @@ pub fn backward(
     dt: f64,
     earth: &Earth,
 ) -> (Nav9, StepView) {
-    let half = state.c_nb.turned(w_b.scale(-0.5 * dt));
+    let turn = exp_so3(&(w_b.v * (-0.5 * dt)));
+    let half = Rot::from_matrix(state.c_nb.m * turn);
     let f_n = half.apply(f_b);
     let a_n = f_n + earth.pull(state.v_n);
     let next = Nav9 {

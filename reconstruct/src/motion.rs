@@ -6,7 +6,7 @@ use schema::num::real;
 use schema::parts::{Trigger, TriggerKind};
 
 use crate::epochs::{Epochs, Reversed};
-use crate::frame::{Body, Nav, Rot, Vec3};
+use crate::frame::{Body, Nav, Rot, Vec3, exp_so3};
 use crate::mechanize::free_of_gravity;
 use crate::start::Start;
 
@@ -17,6 +17,10 @@ const IMPACT_DELTA_V: f64 = 8.0 / 3.6;
 const IMPACT_WINDOW_S: f64 = 0.150;
 /// A peak or CAN trigger makes an impact of half that already.
 const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
+/// The level after a pulse is the mean from and to so long after its last bin above the threshold, and the pulse
+/// falls to it within [`TAIL_S`], s.
+const LEVEL_S: [f64; 2] = [0.05, 0.12];
+const TAIL_S: f64 = 0.03;
 /// Quiet time that separates two pulses, s.
 const PULSE_GAP_S: f64 = 0.050;
 
@@ -46,10 +50,14 @@ pub struct Pulse {
     pub onset_sd_s: f64,
     /// The last epoch that ends at or before the onset.
     pub before: usize,
-    /// End of the pulse, s.
+    /// End of the pulse, interpolated within the sample, s.
     pub end_s: f64,
+    /// One sigma of the end, s.
+    pub end_sd_s: f64,
     /// Mean acceleration just before the onset, body axes, m/s^2.
     pub base: Vector3<f64>,
+    /// Mean acceleration just after the end, body axes, m/s^2.
+    pub level: Vector3<f64>,
 }
 
 /// The first look.
@@ -86,9 +94,10 @@ impl Motion {
         for (k, epoch) in reversed.iter() {
             let w = Vec3::<Body>::from(epoch.rate - start.rate_bias);
             if k <= start.k {
-                let mid = c.turned(w.scale(-0.5 * epoch.dt));
+                let turn = exp_so3(&(w.v * (-0.5 * epoch.dt)));
+                let mid = Rot::from_matrix(c.m * turn);
                 accel[k] = free_of_gravity(&(epoch.accel - start.accel_bias), &mid, gravity);
-                c = mid.turned(w.scale(-0.5 * epoch.dt));
+                c = Rot::from_matrix(mid.m * turn);
             } else {
                 accel[k] = free_of_gravity(&(epoch.accel - start.accel_bias), &c, gravity);
             }
@@ -184,17 +193,49 @@ impl Motion {
         while k > near && departs(k - 1) {
             k -= 1;
         }
-        let (onset_s, before) = ramp(list, k, |i| (self.accel[i] - base).xy().norm());
         let dt = list[k].dt;
+        let size = [k, (k + 1).min(list.len() - 1)].map(|i| (self.accel[i] - base).xy().norm());
+        let onset_s = ramp(list[k].t_s - dt, dt, size);
+        let before = k.saturating_sub(1);
+        let (last, level) = self.tail(epochs, last, clear);
+        // The same ramp seen from behind: bins counted down from the last.
+        let end_s = ramp(
+            list[last].t_s,
+            -dt,
+            [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
+        );
         Pulse {
             first,
             last,
             onset_s,
             onset_sd_s: 0.35 * dt,
             before,
-            end_s: list[last].t_s,
+            end_s,
+            end_sd_s: 0.5 * dt,
             base,
+            level,
         }
+    }
+
+    /// Last bin of a pulse, and the mean acceleration behind it: after the last one above the threshold the acceleration still falls to its level
+    /// after the pulse, for [`TAIL_S`] at most.
+    fn tail(&self, epochs: &Epochs, last: usize, clear: f64) -> (usize, Vector3<f64>) {
+        let list = &epochs.list;
+        let after =
+            |seconds: f64| list.partition_point(|e| e.t_s <= list[last].t_s + seconds + 1e-9);
+        let (from, to) = (after(LEVEL_S[0]), after(LEVEL_S[1]));
+        if to <= from {
+            return (last, Vector3::zeros());
+        }
+        let mut level = Vector3::zeros();
+        for a in &self.accel[from..to] {
+            level += a / real(to - from);
+        }
+        let tail = (last + 1..after(TAIL_S))
+            .take_while(|&k| (self.accel[k] - level).xy().norm() > clear)
+            .last()
+            .unwrap_or(last);
+        (tail, level)
     }
 
     fn mark_wheels(&mut self, epochs: &Epochs) {
@@ -237,29 +278,23 @@ impl Motion {
     }
 }
 
-/// Start of a ramp: time and the last epoch that ends at or before it. `size(k)` is the departure of bin `k`,
-/// the first that is clear of the level.
-fn ramp(list: &[crate::epochs::Epoch], k: usize, size: impl Fn(usize) -> f64) -> (f64, usize) {
-    let epoch = &list[k];
-    let bin_start = epoch.t_s - epoch.dt;
-    let after = list.get(k + 1).map_or(0.0, |_| size(k + 1));
+/// Start of a ramp that begins within a bin: the bin's near edge `edge`, its length `dt` (negative: looking
+/// backwards in time) and how far the means of this bin and the next depart from the level.
+fn ramp(edge: f64, dt: f64, size: [f64; 2]) -> f64 {
     // A ramp of slope s that starts at fraction u of this bin has a mean of s dt (1-u)^2 / 2 in it and of
-    // s dt (3/2 - u) in the next; their ratio gives u.
-    let ratio = if after > 0.0 {
-        (size(k) / after).min(1.0)
+    // s dt (3/2 - u) in the next; their ratio gives u:
+    // (1-u)^2 = 2 ratio (3/2 - u)  =>  u^2 - 2 p u + (1 - 3 ratio) = 0 with p = 1 - ratio.
+    let ratio = if size[1] > 0.0 {
+        (size[0] / size[1]).min(1.0)
     } else {
         1.0
     };
+    if ratio >= 1.0 / 3.0 {
+        return edge;
+    }
     let p = 1.0 - ratio;
-    // (1-u)^2 = 2 ratio (3/2 - u)  =>  u^2 - 2 p u + (1 - 3 ratio) = 0
     let root = (p * p - (1.0 - 3.0 * ratio)).max(0.0).sqrt();
-    let u = if ratio >= 1.0 / 3.0 {
-        0.0
-    } else {
-        (p - root).clamp(0.0, 1.0)
-    };
-    let onset = bin_start + u * epoch.dt;
-    (onset, k.saturating_sub(1))
+    edge + (p - root).clamp(0.0, 1.0) * dt
 }
 
 /// Mean over a window centred on each epoch, body axes.

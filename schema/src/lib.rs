@@ -5,12 +5,14 @@
 //! `Write`, no linear algebra, no clock. In the order the data flows:
 //!
 //! 1. [`sample`]: eight physical values, and their eight 10-bit codes [S03, table 3.1].
-//! 2. [`scale`]: the two-slope scale between them, and the error feedback that keeps sums exact.
-//! 3. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate.
+//! 2. [`scale`]: the two-slope scale between them; [`packer`]: the error feedback that keeps sums exact.
+//! 3. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate; [`time`].
 //! 4. [`header`]: what a reader must know of the car, the sensors and the clocks.
 //! 5. [`parts`]: clipping, raw frames, auxiliary signals, health, triggers, completion.
-//! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic.
+//! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic, and
+//!    never more memory than [`limits`] allow.
 //! 7. [`seal`]: the digest over every byte before it, and the signature's place.
+//! 8. [`salvage`]: what a damaged file still gives, with its damage by name.
 //!
 //! Every byte is laid down in `schema/FORMAT.md`.
 

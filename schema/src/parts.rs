@@ -44,7 +44,7 @@ pub struct AuxChannel {
     pub unit: String,
     /// Index of the first sample of the first value; each value stands for ten samples.
     pub first_index: u64,
-    /// The last value received in each 100 ms; `None` if none was.
+    /// The last value received in each 100 ms; `None` if none was. One that is not finite is stored as missing.
     pub values: Vec<Option<f64>>,
 }
 
@@ -69,7 +69,7 @@ pub struct Trigger {
     pub kind: TriggerKind,
     /// When, on the monotonic grid, ns.
     pub monotonic_ns: i64,
-    /// The sample it fell in.
+    /// The sample it fell in; it may lie outside the record's blocks if these were cut.
     pub index: u64,
     /// The value that fired it: m/s^2, m/s, or the signal's value; 0 for manual.
     pub value: f64,

@@ -3,9 +3,9 @@
 use crate::error::Fault;
 use crate::sample::SAMPLE_NS;
 
-/// The nine bits every second block begins with. The optimum nine-bit word for frame synchronisation (the
-/// table in IRIG 106, appendix on PCM): no end of it is also its beginning, so it cannot match a shifted copy
-/// of itself, and neither runs of missing codes (ones) nor erased memory contain it.
+/// The nine bits every second block begins with. No end of them is also their beginning, so they cannot match
+/// a shifted copy of themselves; and neither runs of missing codes (ones) or of zero values (code 511) nor
+/// erased memory contain them.
 pub const START_SEQUENCE: u16 = 0b1_0111_0000;
 /// Bytes of a stored stamp.
 pub const STAMP_BYTES: usize = 6;

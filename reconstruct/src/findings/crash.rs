@@ -10,6 +10,8 @@ use crate::mechanize::Nav9;
 use crate::motion::{Motion, Pulse};
 use crate::trajectory::State;
 
+/// A pulse fades below the noise of its end: at least this acceleration is open over the end's timing, m/s^2.
+const PULSE_FLOOR: f64 = 8.0;
 /// Deceleration (250 ms mean) that counts as braking, and the level it must have come from, m/s^2.
 const BRAKING: f64 = 2.0;
 const BRAKING_ONSET: f64 = 1.0;
@@ -121,7 +123,9 @@ fn delta_v(evidence: &Evidence<'_>, pulse: &Pulse) -> DeltaV {
     };
     let lead = pulse.onset_s - epochs.list[pulse.before].t_s;
     let v_start = velocity_at(start, &rate_start, &arm) + start.c_nb.m * pulse.base * lead;
-    let dv = start.c_nb.m.transpose() * (velocity_at(end, &rate_end, &arm) - v_start);
+    let over = epochs.list[last].t_s - pulse.end_s;
+    let v_end = velocity_at(end, &rate_end, &arm) - end.c_nb.m * pulse.level * over;
+    let dv = start.c_nb.m.transpose() * (v_end - v_start);
     let [sd_x, sd_y] = spread(evidence, pulse, last, &dv, &(rate_end - rate_start), arm_sd);
     let resultant = dv.xy().norm();
     let unit = if resultant > 0.0 {
@@ -206,13 +210,16 @@ fn spread(
     let tilt = p[(att, att)].max(p[(att + 1, att + 1)]);
     let bias = imu.accel_bias.powi(2) + imu.accel_bias_jump.powi(2);
     let shared = noise + (bias + tilt * 9.81 * 9.81) * seconds * seconds;
-    let timing = |base: f64| (base * pulse.onset_sd_s).powi(2);
+    let timing = |axis: usize| {
+        (pulse.base[axis] * pulse.onset_sd_s).powi(2)
+            + (pulse.level.xy().norm().max(PULSE_FLOOR) * pulse.end_sd_s).powi(2)
+    };
     let along = |axis: usize, across: usize, lever: f64| {
         (shared
             + (imu.accel_scale * dv[axis]).powi(2)
             + (imu.mounting_sd[2] * dv[across]).powi(2)
             + (turn.z * lever).powi(2)
-            + timing(pulse.base[axis]))
+            + timing(axis))
         .sqrt()
     };
     [along(0, 1, arm_sd[1]), along(1, 0, arm_sd[0])]

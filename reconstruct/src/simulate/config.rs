@@ -3,7 +3,11 @@
 
 use std::fmt::Write;
 
-use schema::header::{ImuSheet, Vehicle, WheelSheet};
+use schema::header::{
+    Clock, ClockSource, Header, ImuSheet, Layout, Origin, Periods, Vehicle, WheelSheet,
+};
+use schema::num;
+use schema::scale::{TwoSlope, WheelScale};
 use schema::units::STANDARD_GRAVITY;
 
 use super::scenario::{Axes, Scenario};
@@ -101,6 +105,42 @@ pub(super) fn config(scenario: &Scenario, dbc: &str) -> String {
 
 /// What a recorder with this configuration would put into its header.
 impl Scenario {
+    /// The header of a record of this scenario, for runs that need no recorder: 100 Hz, clock of the log.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        let wheel_ns = u64::try_from(num::round_i64(1e9 / self.wheel_hz)).unwrap_or(0);
+        let imu_ns = u64::try_from(num::round_i64(1e9 / num::real(self.imu_hz))).unwrap_or(0);
+        Header {
+            number: 1,
+            previous_sha256: [0; 32],
+            parent_sha256: None,
+            origin: Origin::Replay { logs: Vec::new() },
+            device_id: String::new(),
+            software: concat!("svartboks-reconstruct ", env!("CARGO_PKG_VERSION")).to_owned(),
+            config_sha256: [0; 32],
+            vehicle: self.vehicle(),
+            imu: self.imu_sheet(),
+            wheels: self.wheel_sheet(),
+            wheel_scale: WheelScale::default_kmh(),
+            accel_scale: TwoSlope::accel_default(),
+            rate_scale: TwoSlope::rate_default(),
+            layout: Layout::Full,
+            channel_frequency_class: None,
+            periods: Periods {
+                accel_ns: imu_ns,
+                rate_ns: imu_ns,
+                wheels_ns: [wheel_ns; 2],
+            },
+            interfaces: Vec::new(),
+            clock: Clock {
+                source: ClockSource::LogStamps,
+                offset_ns: 0,
+                uncertainty_ns: None,
+                leap_second: false,
+            },
+        }
+    }
+
     /// The car as configured.
     #[must_use]
     pub fn vehicle(&self) -> Vehicle {

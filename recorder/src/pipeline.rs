@@ -1,0 +1,529 @@
+//! The pipeline from frames to records, the same for a live bus and a replayed log. It reads no clock: time is
+//! what the frames say.
+
+use std::collections::VecDeque;
+
+use schema::num;
+use schema::parts::{ClockStep, Gap, Health, Trigger};
+use schema::time::Grid;
+use schema::{Packer, Record, Sample, Scales};
+
+use crate::bins::start_of;
+use crate::can::{ERR, Frame};
+use crate::config::{RawFrames, Settings};
+use crate::decode::{DecodeHealth, Decoder, Update};
+use crate::event::{Ending, Event, GROUP_NAMES, GroupState, Surroundings};
+use crate::pace::Pace;
+use crate::ring::{RawRing, Ring, aux_group};
+use crate::sampler::{Closed, Output, Sampler};
+use crate::timebase::{Judgement, Timebase};
+use crate::trigger::{Action, Fired, Input, Rules, State};
+
+/// Triggers are known at the latest so long after they happened, ns: the raw window keeps that much more.
+const TRIGGER_LAG_NS: i64 = 1_500_000_000;
+/// Silence longer than this leaves the ring behind (200 s: every running event is over by then).
+const LONG_SILENCE_NS: i64 = 200_000_000_000;
+/// Most gaps that are counted one by one in the totals.
+const MOST_NOTES: usize = 20;
+
+/// What the pipeline saw in all.
+#[derive(Clone, Debug, Default)]
+pub struct Totals {
+    /// Frames of all interfaces.
+    pub frames: u64,
+    /// Error frames.
+    pub error_frames: u64,
+    /// Late and stray frames.
+    pub late: u64,
+    /// Gaps of a mapped signal.
+    pub gaps: u64,
+    /// Steps of the clock.
+    pub clock_steps: u64,
+    /// Largest change of speed within 150 ms, m/s.
+    pub largest_delta_v: f64,
+    /// Largest acceleration of a frame, m/s^2.
+    pub largest_peak: f64,
+    /// What was wrong with frames of mapped messages.
+    pub decode: DecodeHealth,
+    /// Monotonic time from the first to the newest frame, ns.
+    pub span_ns: i64,
+}
+
+/// Called with every unrounded sample and its index.
+pub type Observer<'a> = Box<dyn FnMut(u64, &Sample) + 'a>;
+
+/// The pipeline.
+pub struct Pipeline<'a> {
+    settings: &'a Settings,
+    rules: Rules,
+    state: State,
+    sampler: Sampler,
+    decoder: Decoder,
+    packer: Packer,
+    ring: Ring,
+    raw: RawRing,
+    events: VecDeque<Event>,
+    time: Option<Timebase>,
+    first_ns: i64,
+    held: Option<Frame>,
+    paces: [Pace; 4],
+    aux: VecDeque<(u64, Vec<Option<f64>>)>,
+    out: Vec<Output>,
+    ready: VecDeque<Record>,
+    totals: Totals,
+    notes: Vec<String>,
+    manual: VecDeque<f64>,
+    observer: Option<Observer<'a>>,
+}
+
+impl<'a> Pipeline<'a> {
+    /// A pipeline; `manual` are the times of manual triggers, seconds from the first frame.
+    #[must_use]
+    pub fn new(settings: &'a Settings, manual: &[f64], observer: Option<Observer<'a>>) -> Self {
+        let mut manual: Vec<f64> = manual.to_vec();
+        manual.sort_by(f64::total_cmp);
+        let scales = Scales::default();
+        Self {
+            settings,
+            rules: Rules::of(settings),
+            state: State::default(),
+            sampler: Sampler::new(&settings.plan, settings.mounting, settings.trigger.peak),
+            decoder: Decoder::default(),
+            packer: Packer::new(scales.wheel, scales.accel, scales.rate),
+            ring: Ring::new(settings.ring.before + settings.ring.after),
+            raw: RawRing::new(settings.raw.before_ns + TRIGGER_LAG_NS),
+            events: VecDeque::new(),
+            time: None,
+            first_ns: 0,
+            held: None,
+            paces: [const { Pace::new() }; 4],
+            aux: VecDeque::new(),
+            out: Vec::new(),
+            ready: VecDeque::new(),
+            totals: Totals::default(),
+            notes: Vec::new(),
+            manual: manual.into(),
+            observer,
+        }
+    }
+
+    /// The next sealed record, if any; number and origin are the caller's to set.
+    pub fn take_ready(&mut self) -> Option<Record> {
+        self.ready.pop_front()
+    }
+
+    /// What was seen so far.
+    #[must_use]
+    pub fn totals(&self) -> Totals {
+        let mut totals = self.totals.clone();
+        totals.late += self.sampler.late();
+        totals.largest_delta_v = self.state.largest_delta_v();
+        totals.largest_peak = self.sampler.largest_peak();
+        totals.decode = self.decoder.health;
+        totals.span_ns = self.time.map_or(0, |time| time.now_ns() - self.first_ns);
+        totals
+    }
+
+    /// Seconds from the first to the newest frame.
+    #[must_use]
+    pub fn span_s(&self) -> f64 {
+        num::real_i64(self.time.map_or(0, |time| time.now_ns() - self.first_ns)) / 1e9
+    }
+
+    /// Manual triggers whose time did not come.
+    #[must_use]
+    pub fn manual_left(&self) -> Vec<f64> {
+        self.manual.iter().copied().collect()
+    }
+
+    /// The pace of each group: accel, rate, wheel left, wheel right.
+    #[must_use]
+    pub fn groups(&self) -> [GroupState; 4] {
+        let mut groups = [GroupState::default(); 4];
+        for (at, (group, pace)) in groups.iter_mut().zip(&self.paces).enumerate() {
+            *group = GroupState {
+                period: pace.period(),
+                jitter: pace.jitter(),
+                counted: false,
+                last_ns: pace.last_ns(),
+            };
+            if let Some(stream) = self
+                .sampler
+                .streams()
+                .iter()
+                .find(|stream| at < 2 && stream.leads(at))
+            {
+                group.counted = stream.counted();
+                if stream.timeline().period() > 0.0 {
+                    group.period = stream.timeline().period();
+                    group.jitter = stream.timeline().jitter();
+                }
+            }
+        }
+        groups
+    }
+
+    /// Takes a frame, in the order of arrival.
+    pub fn frame(&mut self, frame: &Frame) {
+        self.totals.frames += 1;
+        let Some(time) = &mut self.time else {
+            let time = Timebase::new(frame.time_ns);
+            self.first_ns = time.now_ns();
+            self.sampler.begin(self.first_ns);
+            self.time = Some(time);
+            self.take(frame);
+            return;
+        };
+        match time.judge(frame.time_ns) {
+            Judgement::Good => self.take(frame),
+            Judgement::Hold => self.held = Some(*frame),
+            Judgement::DropHeld => {
+                self.held = None;
+                self.totals.late += 1;
+                self.take(frame);
+            }
+            Judgement::Replace => {
+                self.held = Some(*frame);
+                self.totals.late += 1;
+            }
+            Judgement::Step => {
+                if let Some(held) = self.held.take() {
+                    self.step(held.time_ns);
+                    self.take(&held);
+                }
+                // The frame agrees with the held one, so it is in time now.
+                if let Some(time) = &mut self.time {
+                    time.judge(frame.time_ns);
+                }
+                self.take(frame);
+            }
+        }
+    }
+
+    /// No more frames come: closes every bin and seals what runs.
+    pub fn finish(&mut self) {
+        if let Some(held) = self.held.take() {
+            // Nothing contradicts the last frame: forwards it stands, backwards it is a stray.
+            if self
+                .time
+                .is_some_and(|time| held.time_ns > time.now_ns() + time.offset_ns())
+            {
+                self.step(held.time_ns);
+                self.take(&held);
+            } else {
+                self.totals.late += 1;
+            }
+        }
+        let Some(time) = self.time else { return };
+        self.sampler.flush(time.now_ns(), &mut self.out);
+        self.drain();
+        while let Some(post_trigger_end) = self.state.post_trigger_end() {
+            let at_rest = self.state.at_rest();
+            self.state = self.state.sealed();
+            self.seal(Ending::LogEnded {
+                post_trigger_end,
+                at_rest,
+            });
+        }
+    }
+
+    /// One frame at its place in time.
+    fn take(&mut self, frame: &Frame) {
+        let Some(time) = self.time else { return };
+        let (at_ns, now_ns) = (time.monotonic(frame.time_ns), time.now_ns());
+        self.sampler.advance(now_ns, &mut self.out);
+        self.drain();
+        while self
+            .manual
+            .front()
+            .is_some_and(|at| self.manual_ns(*at) <= now_ns)
+        {
+            let at = self
+                .manual
+                .pop_front()
+                .map_or(now_ns, |at| self.manual_ns(at));
+            self.step_machine(&Input::Manual(at));
+        }
+        if frame.id & ERR != 0 {
+            self.totals.error_frames += 1;
+        }
+        if frame.interface == Frame::FOREIGN {
+            return;
+        }
+        let settings = self.settings;
+        let plan = if frame.carries_data() {
+            settings.plan.find(frame.interface, frame.id)
+        } else {
+            None
+        };
+        let kept = match settings.raw.frames {
+            RawFrames::Mapped => plan.is_some(),
+            RawFrames::All => true,
+            RawFrames::None => false,
+        };
+        if kept {
+            let number = self.raw.push(at_ns, frame);
+            for event in &mut self.events {
+                event.take_raw(number, at_ns, frame);
+            }
+        }
+        let Some(message) = plan else { return };
+        let mut decoder = std::mem::take(&mut self.decoder);
+        decoder.read(message, frame, at_ns, |update| self.update(at_ns, update));
+        self.decoder = decoder;
+        self.drain();
+    }
+
+    fn manual_ns(&self, seconds: f64) -> i64 {
+        self.first_ns.saturating_add(num::round_i64(seconds * 1e9))
+    }
+
+    fn update(&mut self, at_ns: i64, update: Update) {
+        match update {
+            Update::Imu(number, counter, values) => {
+                for group in 0..2 {
+                    if self
+                        .sampler
+                        .streams()
+                        .get(number)
+                        .is_some_and(|stream| stream.leads(group))
+                    {
+                        self.arrive(group, at_ns);
+                    }
+                }
+                self.sampler
+                    .imu(number, at_ns, counter, values, &mut self.out);
+            }
+            Update::Wheel(side, speed) => {
+                self.arrive(2 + side, at_ns);
+                self.sampler.wheel(side, at_ns, speed);
+            }
+            Update::Aux(slot, value) => self.keep_aux(at_ns, slot, value),
+            Update::Can(slot, value) => self.step_machine(&Input::Can(slot, at_ns, value)),
+        }
+    }
+
+    fn arrive(&mut self, group: usize, at_ns: i64) {
+        let Some((from_ns, to_ns)) = self
+            .paces
+            .get_mut(group)
+            .and_then(|pace| pace.arrive(at_ns))
+        else {
+            return;
+        };
+        self.totals.gaps += 1;
+        let signal = GROUP_NAMES.get(group).copied().unwrap_or("").to_owned();
+        let gap = Gap {
+            signal,
+            from_ns,
+            to_ns,
+        };
+        for event in &mut self.events {
+            event.tape.push_gap(gap.clone());
+        }
+        self.ring.push_gap(gap);
+    }
+
+    fn keep_aux(&mut self, at_ns: i64, slot: usize, value: f64) {
+        let group = aux_group(at_ns);
+        if self.aux.back().is_none_or(|(last, _)| *last < group) {
+            self.aux
+                .push_back((group, vec![None; self.settings.plan.aux.len()]));
+        }
+        let row = self.aux.iter_mut().rev().find(|(open, _)| *open == group);
+        if let Some(entry) = row.and_then(|(_, row)| row.get_mut(slot)) {
+            *entry = Some(value);
+        }
+    }
+
+    fn drain(&mut self) {
+        if self.out.is_empty() {
+            return;
+        }
+        let mut out = std::mem::take(&mut self.out);
+        for output in out.drain(..) {
+            match output {
+                Output::Peak(peak) => self.step_machine(&Input::Peak(peak)),
+                Output::Bin(closed) => self.bin(&closed),
+            }
+        }
+        self.out = out;
+    }
+
+    fn bin(&mut self, closed: &Closed) {
+        if let Some(observer) = &mut self.observer {
+            observer(closed.index, &closed.sample);
+        }
+        let offset_ns = self.time.map_or(0, |time| time.offset_ns());
+        if (Grid {
+            origin_ns: 0,
+            utc_offset_ns: offset_ns,
+        })
+        .starts_second(closed.index)
+        {
+            self.packer.reset();
+        }
+        let codes = self.packer.pack(&closed.sample);
+        self.ring.push(closed, codes);
+        for event in &mut self.events {
+            event.tape.push(closed, codes);
+        }
+        while self
+            .aux
+            .front()
+            .is_some_and(|(group, _)| (group + 1) * crate::ring::AUX_SPAN <= closed.index + 1)
+        {
+            if let Some((group, row)) = self.aux.pop_front() {
+                for event in &mut self.events {
+                    event.tape.push_aux(group, row.clone());
+                }
+                self.ring.push_aux(group, row);
+            }
+        }
+        self.step_machine(&Input::Sample(closed.index, &closed.sample));
+    }
+
+    fn step_machine(&mut self, input: &Input<'_>) {
+        let (state, action) = self.state.step(input, &self.rules);
+        self.state = state;
+        match action {
+            Action::None => {}
+            Action::Open(fired) => self.open(&fired),
+            Action::Mark(fired) => self.mark(0, &fired),
+            Action::OpenNext(fired) => {
+                if let Some(event) = self.events.front_mut() {
+                    event.note("a later trigger, more than 5 s after the last of this event, began the next record".to_owned());
+                }
+                self.open(&fired);
+            }
+            Action::MarkNext(fired) => self.mark(1, &fired),
+            Action::Seal { at_rest } => self.seal(Ending::Over { at_rest }),
+        }
+    }
+
+    fn open(&mut self, fired: &Fired) {
+        let offset_ns = self.time.map_or(0, |time| time.offset_ns());
+        self.events.push_back(Event::open(
+            &self.ring,
+            &self.raw,
+            fired,
+            self.settings,
+            offset_ns,
+        ));
+    }
+
+    fn mark(&mut self, at: usize, fired: &Fired) {
+        if let Some(event) = self.events.get_mut(at) {
+            event.mark(fired, &self.raw, self.settings);
+        }
+    }
+
+    fn seal(&mut self, ending: Ending) {
+        let Some(event) = self.events.pop_front() else {
+            return;
+        };
+        let decode = self.decoder.health;
+        let mut notes = self.notes.clone();
+        if decode.not_finite > 0 {
+            notes.push(format!(
+                "{} values were not finite after factor and offset, and are missing",
+                decode.not_finite
+            ));
+        }
+        if self.sampler.unplaced() > 0 {
+            notes.push(format!(
+                "{} single IMU frames could not be given a period",
+                self.sampler.unplaced()
+            ));
+        }
+        let health = Health {
+            frames_seen: self.totals.frames,
+            frames_dropped: 0,
+            error_frames: self.totals.error_frames,
+            malformed: decode.too_short,
+            late_frames: self.totals.late + self.sampler.late(),
+            out_of_range: decode.out_of_range,
+            notes,
+            ..Health::default()
+        };
+        let around = Surroundings {
+            health,
+            groups: self.groups(),
+        };
+        self.ready
+            .push_back(event.seal(self.settings, ending, around));
+    }
+
+    /// Time steps to a confirmed stamp: backwards over a seam, or forwards over a long silence.
+    fn step(&mut self, stamp_ns: i64) {
+        let Some(mut time) = self.time else { return };
+        let before_ns = time.now_ns();
+        self.sampler.flush(before_ns, &mut self.out);
+        self.drain();
+        let moved = time.step(stamp_ns);
+        let now_ns = time.now_ns();
+        if let Some((moved_ns, seam_end_ns)) = moved {
+            self.totals.clock_steps += 1;
+            self.note(format!(
+                "the clock of the frames stepped by {:.3} s",
+                num::real_i64(moved_ns) / 1e9
+            ));
+            let step = ClockStep {
+                monotonic_ns: seam_end_ns,
+                step_ns: moved_ns,
+            };
+            for event in &mut self.events {
+                event.tape.push_step(step.clone());
+            }
+            self.ring.push_step(step);
+            self.paces.iter_mut().for_each(Pace::pause);
+            self.sampler.seam(seam_end_ns, &mut self.out);
+            self.drain();
+            self.time = Some(time);
+            return;
+        }
+        let silent_ns = now_ns - before_ns;
+        self.note(format!(
+            "no frame for {:.1} s, or the clock was set forward",
+            num::real_i64(silent_ns) / 1e9
+        ));
+        let ring_ns = start_of(self.ring.capacity().unwrap_or(0));
+        let bridged_ns = if self.events.is_empty() {
+            ring_ns
+        } else {
+            LONG_SILENCE_NS
+        };
+        if silent_ns <= bridged_ns {
+            self.sampler.seam(now_ns, &mut self.out);
+            self.drain();
+        } else {
+            if !self.events.is_empty() {
+                self.sampler
+                    .seam(before_ns + LONG_SILENCE_NS, &mut self.out);
+                self.drain();
+            }
+            self.ring.clear();
+            self.aux.clear();
+            self.sampler.begin(now_ns);
+        }
+        self.time = Some(time);
+    }
+
+    fn note(&mut self, text: String) {
+        if self.notes.len() < MOST_NOTES {
+            self.notes.push(text);
+        }
+    }
+}
+
+/// The triggers of a record as words, for a terminal.
+#[must_use]
+pub fn trigger_words(trigger: &Trigger) -> String {
+    let kind = match trigger.kind {
+        schema::parts::TriggerKind::Peak => "peak",
+        schema::parts::TriggerKind::DeltaV => "delta-v",
+        schema::parts::TriggerKind::Manual => "manual",
+        schema::parts::TriggerKind::Can => "can",
+    };
+    kind.to_owned()
+}
