@@ -148,7 +148,7 @@ fn key(r: &Reconstruction) -> String {
             .value
             .replace('-', "\u{2212}");
         card(
-            "Force came",
+            "Force came from",
             words.trim_start_matches("from "),
             &format!("{hour} o'clock, principal direction {degrees}\u{b0}"),
         );
