@@ -1,5 +1,11 @@
 //! Frames laid on their time line: jitter, losses, other periods; nothing is lost or invented.
-#![allow(clippy::unwrap_used, clippy::float_cmp, clippy::as_conversions, clippy::cast_precision_loss, reason = "tests")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::float_cmp,
+    clippy::as_conversions,
+    clippy::cast_precision_loss,
+    reason = "tests"
+)]
 
 mod support;
 
@@ -37,28 +43,47 @@ fn without_counters() -> recorder::config::Settings {
 }
 
 fn delta_v(run: &Run) -> f64 {
-    run.samples.iter().filter_map(|(_, sample)| sample.accel[0]).sum::<f64>() * 0.01
+    run.samples
+        .iter()
+        .filter_map(|(_, sample)| sample.accel[0])
+        .sum::<f64>()
+        * 0.01
 }
 
 fn missing(run: &Run) -> usize {
-    run.samples.iter().filter(|(_, sample): &&(u64, Sample)| sample.accel[0].is_none()).count()
+    run.samples
+        .iter()
+        .filter(|(_, sample): &&(u64, Sample)| sample.accel[0].is_none())
+        .count()
 }
 
 #[test]
 fn jitter_empties_no_bin_and_keeps_delta_v() {
     let truth = 300.0 * 0.2 / std::f64::consts::PI;
     for counters in [true, false] {
-        let settings = if counters { settings(&[]) } else { without_counters() };
+        let settings = if counters {
+            settings(&[])
+        } else {
+            without_counters()
+        };
         for hz in [50.0, 100.0, 104.0] {
             for seed in 0..6 {
-                for (milliseconds, one_sided) in [(1.0, false), (2.0, false), (3.0, false), (1.0, true), (3.0, true)] {
+                for (milliseconds, one_sided) in [
+                    (1.0, false),
+                    (2.0, false),
+                    (3.0, false),
+                    (1.0, true),
+                    (3.0, true),
+                ] {
                     let mut rng = ChaCha8Rng::seed_from_u64(seed);
                     let log = pulse(hz, 4.0, counters, |_| {
                         let low = if one_sided { 0.0 } else { -milliseconds };
                         Some(rng.random_range(low..=milliseconds) / 1000.0)
                     });
                     let run = run(&settings, log.text(), &[]);
-                    let label = format!("{hz} Hz, {milliseconds} ms, one-sided {one_sided}, seed {seed}, {counters}");
+                    let label = format!(
+                        "{hz} Hz, {milliseconds} ms, one-sided {one_sided}, seed {seed}, {counters}"
+                    );
                     assert_eq!(missing(&run), 0, "{label}");
                     let off = (delta_v(&run) / truth - 1.0).abs();
                     assert!(off < 0.01, "{label}: delta-V off by {off}");
@@ -71,12 +96,30 @@ fn jitter_empties_no_bin_and_keeps_delta_v() {
 #[test]
 fn a_lost_frame_is_bridged_and_two_leave_a_hole() {
     for counters in [true, false] {
-        let settings = if counters { settings(&[]) } else { without_counters() };
-        let one = run(&settings, pulse(100.0, 4.0, counters, |k| (k != 300).then_some(0.0)).text(), &[]);
+        let settings = if counters {
+            settings(&[])
+        } else {
+            without_counters()
+        };
+        let one = run(
+            &settings,
+            pulse(100.0, 4.0, counters, |k| (k != 300).then_some(0.0)).text(),
+            &[],
+        );
         assert_eq!(missing(&one), 0, "a gap of two periods");
-        let four = run(&settings, pulse(100.0, 4.0, counters, |k| (!(300..304).contains(&k)).then_some(0.0)).text(), &[]);
+        let four = run(
+            &settings,
+            pulse(100.0, 4.0, counters, |k| {
+                (!(300..304).contains(&k)).then_some(0.0)
+            })
+            .text(),
+            &[],
+        );
         assert_eq!(missing(&four), 4, "a gap of five periods");
-        assert_eq!(four.outcome.totals.gaps, 2, "more than three periods, accel and rate");
+        assert_eq!(
+            four.outcome.totals.gaps, 2,
+            "more than three periods, accel and rate"
+        );
     }
 }
 
@@ -88,7 +131,10 @@ fn every_gap_from_a_tenth_to_five_seconds_is_missing_and_listed() {
         log.steady(3.0 + gap, 6.0 + gap, 100.0, 50.0);
         let run = run(&settings(&[]), log.text(), &[5.9]);
         let absent = missing(&run) as f64;
-        assert!((absent - gap * 100.0).abs() <= 1.0, "{gap} s: {absent} missing");
+        assert!(
+            (absent - gap * 100.0).abs() <= 1.0,
+            "{gap} s: {absent} missing"
+        );
         let gaps = &run.records[0].health.gaps;
         assert_eq!(gaps.len(), 4, "{gap} s: {gaps:?}");
         assert!(!run.outcome.sound());
@@ -107,9 +153,17 @@ fn a_sensor_that_changes_its_pace_is_followed() {
         }
         let run = run(&without_counters(), log.text(), &[]);
         assert!(missing(&run) <= 1, "{first} to {second}: {}", missing(&run));
-        assert!(run.samples.iter().filter_map(|(_, sample)| sample.accel[0]).all(|x| (x - 1.0).abs() < 1e-9));
+        assert!(
+            run.samples
+                .iter()
+                .filter_map(|(_, sample)| sample.accel[0])
+                .all(|x| (x - 1.0).abs() < 1e-9)
+        );
         let period = run.outcome.groups[0].period;
-        assert!((period - 1e9 / second).abs() < 1e4, "{first} to {second}: {period}");
+        assert!(
+            (period - 1e9 / second).abs() < 1e4,
+            "{first} to {second}: {period}"
+        );
     }
 }
 
@@ -118,7 +172,13 @@ fn a_counter_that_is_reset_or_stands_still_is_not_believed() {
     for reset in [true, false] {
         let mut log = Log::default();
         for k in 0..600_u64 {
-            let counter = if reset && k >= 305 { k - 298 } else if reset { k } else { 7 };
+            let counter = if reset && k >= 305 {
+                k - 298
+            } else if reset {
+                k
+            } else {
+                7
+            };
             log.accel(k as f64 * 0.01, [1.0, 0.0, 9.806], counter);
         }
         let run = run(&settings(&[]), log.text(), &[]);
@@ -137,7 +197,10 @@ fn every_pace_works() {
         let run = run(&settings(&[]), log.text(), &[]);
         assert_eq!(missing(&run), 0, "{hz} Hz");
         let bins = run.samples.len() as f64;
-        assert!((bins - 600.0 / hz * 100.0).abs() <= 2.0, "{hz} Hz: {bins} bins");
+        assert!(
+            (bins - 600.0 / hz * 100.0).abs() <= 2.0,
+            "{hz} Hz: {bins} bins"
+        );
     }
 }
 

@@ -43,12 +43,24 @@ fn seconds_before_trigger(record: &Record) -> f64 {
 
 #[test]
 fn both_stops_of_wid08_end_in_the_rest() {
-    let Some(run) = replayed("wid08", &[60.0, 122.0]) else { return };
+    let Some(run) = replayed("wid08", &[60.0, 122.0]) else {
+        return;
+    };
     assert_eq!(run.records.len(), 2);
-    let [first, second] = &run.records[..] else { unreachable!() };
-    assert!(first.completion.complete && first.completion.ends_at_rest, "{:?}", first.completion);
+    let [first, second] = &run.records[..] else {
+        unreachable!()
+    };
+    assert!(
+        first.completion.complete && first.completion.ends_at_rest,
+        "{:?}",
+        first.completion
+    );
     assert!(second.completion.ends_at_rest, "{:?}", second.completion);
-    assert!(second.completion.reasons[0].contains("the log ended"), "{:?}", second.completion);
+    assert!(
+        second.completion.reasons[0].contains("the log ended"),
+        "{:?}",
+        second.completion
+    );
     assert!((seconds_before_trigger(first) - 35.0).abs() < 1e-9);
     assert!(first.health.gaps.is_empty() && second.health.gaps.is_empty());
 }
@@ -56,39 +68,78 @@ fn both_stops_of_wid08_end_in_the_rest() {
 #[test]
 fn wid02_ends_in_the_rest_with_either_sensor() {
     for name in ["wid02", "wid02-consumer"] {
-        let Some(run) = replayed(name, &[130.0]) else { return };
+        let Some(run) = replayed(name, &[130.0]) else {
+            return;
+        };
         let record = &run.records[0];
-        assert!(record.completion.complete && record.completion.ends_at_rest, "{name}: {:?}", record.completion);
+        assert!(
+            record.completion.complete && record.completion.ends_at_rest,
+            "{name}: {:?}",
+            record.completion
+        );
     }
 }
 
 #[test]
 fn rav4s_wheels_agree_with_the_reference_and_the_record_ends_moving() {
-    let Some(run) = replayed("rav4", &[45.0]) else { return };
+    let Some(run) = replayed("rav4", &[45.0]) else {
+        return;
+    };
     let record = &run.records[0];
     assert!(!record.completion.complete && !record.completion.ends_at_rest);
-    assert!(record.completion.reasons.iter().any(|reason| reason.contains("moving")), "{:?}", record.completion);
-    let truth = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/rav4.truth.csv")).unwrap();
+    assert!(
+        record
+            .completion
+            .reasons
+            .iter()
+            .any(|reason| reason.contains("moving")),
+        "{:?}",
+        record.completion
+    );
+    let truth = fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/rav4.truth.csv"),
+    )
+    .unwrap();
     let truth: Vec<(f64, f64)> = truth
         .lines()
         .skip(1)
-        .map(|line| line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect::<Vec<f64>>())
+        .map(|line| {
+            line.split(',')
+                .map(|cell| cell.parse().unwrap_or(f64::NAN))
+                .collect::<Vec<f64>>()
+        })
         .map(|row| (row[0], row[6]))
         .collect();
     let (mut ratio, mut count) = (0.0, 0.0);
     for sample in record.samples() {
-        let [Some(left), Some(right)] = sample.sample.wheels else { continue };
-        let t = record.monotonic_ns(sample.index) as f64 * 1e-9 + record.header.clock.offset_ns as f64 * 1e-9 - 1_533_224_087.0;
-        let Some(pair) = truth.windows(2).find(|pair| pair[0].0 <= t && t < pair[1].0) else { continue };
+        let [Some(left), Some(right)] = sample.sample.wheels else {
+            continue;
+        };
+        let t = record.monotonic_ns(sample.index) as f64 * 1e-9
+            + record.header.clock.offset_ns as f64 * 1e-9
+            - 1_533_224_087.0;
+        let Some(pair) = truth
+            .windows(2)
+            .find(|pair| pair[0].0 <= t && t < pair[1].0)
+        else {
+            continue;
+        };
         let part = (t - pair[0].0) / (pair[1].0 - pair[0].0);
         ratio += f64::midpoint(left, right) / (pair[0].1 + part * (pair[1].1 - pair[0].1));
         count += 1.0;
     }
     assert!(count > 1000.0);
-    eprintln!("rav4: wheels / reference = {:.4} over {count} samples", ratio / count);
+    eprintln!(
+        "rav4: wheels / reference = {:.4} over {count} samples",
+        ratio / count
+    );
     assert!((ratio / count - 1.0).abs() < 0.015, "{}", ratio / count);
     // 104 Hz by its counter.
-    assert!((record.header.periods.accel_ns as f64 - 9.59e6).abs() < 0.05e6, "{}", record.header.periods.accel_ns);
+    assert!(
+        (record.header.periods.accel_ns as f64 - 9.59e6).abs() < 0.05e6,
+        "{}",
+        record.header.periods.accel_ns
+    );
 }
 
 fn pulse_delta_v(run: &Run) -> f64 {
@@ -98,25 +149,58 @@ fn pulse_delta_v(run: &Run) -> f64 {
         let t = first_s + index as f64 * 0.01;
         (start..start + 0.30).contains(&t)
     };
-    run.samples.iter().filter(|(index, _)| in_pulse(*index)).filter_map(|(_, sample)| sample.accel[0]).sum::<f64>() * 0.01
+    run.samples
+        .iter()
+        .filter(|(index, _)| in_pulse(*index))
+        .filter_map(|(_, sample)| sample.accel[0])
+        .sum::<f64>()
+        * 0.01
 }
 
 #[test]
 fn the_barrier_pulse_fires_within_30_ms_and_claims_no_class() {
-    let Some(run) = replayed("nhtsa10146", &[]) else { return };
+    let Some(run) = replayed("nhtsa10146", &[]) else {
+        return;
+    };
     assert_eq!(run.records.len(), 1);
     let record = &run.records[0];
-    assert!(record.completion.complete && record.completion.ends_at_rest, "{:?}", record.completion);
+    assert!(
+        record.completion.complete && record.completion.ends_at_rest,
+        "{:?}",
+        record.completion
+    );
     assert_eq!(record.header.channel_frequency_class, None);
-    assert!(record.health.notes.iter().any(|note| note.contains("SAE J211")));
+    assert!(
+        record
+            .health
+            .notes
+            .iter()
+            .any(|note| note.contains("SAE J211"))
+    );
     let trigger = &record.triggers[0];
-    assert_eq!((trigger.kind, trigger.source.as_str()), (TriggerKind::DeltaV, "x"));
-    let after_contact = (trigger.monotonic_ns + record.header.clock.offset_ns) as f64 * 1e-9 - 1_700_000_060.0;
-    eprintln!("nhtsa10146: delta-V fires {:.1} ms after contact", after_contact * 1e3);
+    assert_eq!(
+        (trigger.kind, trigger.source.as_str()),
+        (TriggerKind::DeltaV, "x")
+    );
+    let after_contact =
+        (trigger.monotonic_ns + record.header.clock.offset_ns) as f64 * 1e-9 - 1_700_000_060.0;
+    eprintln!(
+        "nhtsa10146: delta-V fires {:.1} ms after contact",
+        after_contact * 1e3
+    );
     assert!((0.0..0.030).contains(&after_contact), "{after_contact}");
-    assert_eq!(record.triggers.len(), 1, "one pulse, one delta-V trigger: {:?}", record.triggers);
+    assert_eq!(
+        record.triggers.len(),
+        1,
+        "one pulse, one delta-V trigger: {:?}",
+        record.triggers
+    );
     let change = pulse_delta_v(&run);
-    assert!((change.abs() / (66.6 / 3.6) - 1.0).abs() < 0.02, "{} km/h", change * 3.6);
+    assert!(
+        (change.abs() / (66.6 / 3.6) - 1.0).abs() < 0.02,
+        "{} km/h",
+        change * 3.6
+    );
 }
 
 /// The log's accelerations as (time, x): 1 kHz.
@@ -144,7 +228,13 @@ fn thinned(frames: &[(f64, [f64; 3])], mean: bool, mut delay: impl FnMut() -> f6
     let mut log = Log::default();
     for (k, ten) in frames.chunks_exact(10).enumerate() {
         let (t, last) = ten[9];
-        let value = |axis: usize| if mean { ten.iter().map(|(_, a)| a[axis]).sum::<f64>() / 10.0 } else { last[axis] };
+        let value = |axis: usize| {
+            if mean {
+                ten.iter().map(|(_, a)| a[axis]).sum::<f64>() / 10.0
+            } else {
+                last[axis]
+            }
+        };
         let late = delay();
         log.accel(t + late, [value(0), value(1), value(2)], k as u64);
         log.rate(t + late, [0.0; 3], k as u64);
@@ -154,9 +244,12 @@ fn thinned(frames: &[(f64, [f64; 3])], mean: bool, mut delay: impl FnMut() -> f6
 
 #[test]
 fn the_pulse_at_100_hz_survives_jitter_as_means_but_not_as_points() {
-    let Some((path, settings)) = open("nhtsa10146") else { return };
+    let Some((path, settings)) = open("nhtsa10146") else {
+        return;
+    };
     let frames = pulse_frames(&path);
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("etc/recorder.toml")).unwrap();
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("etc/recorder.toml"))
+        .unwrap();
     let text = text.replace("front-left-up", "front-right-down");
     for counters in [true, false] {
         let text = if counters {
@@ -173,22 +266,37 @@ fn the_pulse_at_100_hz_survives_jitter_as_means_but_not_as_points() {
                 for seed in 0..20 {
                     let mut rng = ChaCha8Rng::seed_from_u64(seed);
                     let log = thinned(&frames, true, || rng.random_range(low..=milliseconds));
-                    let off = (pulse_delta_v(&run(&settings_100, log, &[60.5])) / exact - 1.0).abs();
+                    let off =
+                        (pulse_delta_v(&run(&settings_100, log, &[60.5])) / exact - 1.0).abs();
                     worst[level][kind] = worst[level][kind].max(off);
-                    assert!(off < 0.01, "{milliseconds} s, from {low}, seed {seed}: {off}");
+                    assert!(
+                        off < 0.01,
+                        "{milliseconds} s, from {low}, seed {seed}: {off}"
+                    );
                 }
             }
         }
-        eprintln!("worst of 20 seeds, jitter of 1, 2, 3 ms, symmetric and one-sided (counters {counters}): {worst:.4?}");
+        eprintln!(
+            "worst of 20 seeds, jitter of 1, 2, 3 ms, symmetric and one-sided (counters {counters}): {worst:.4?}"
+        );
     }
     let settings_100 = Settings::from_toml_str(&text, &support::etc()).unwrap();
     let exact = pulse_delta_v(&run(&settings, fs::read(&path).unwrap(), &[]));
     let mut points: Vec<f64> = Vec::new();
     for phase in 0..10 {
-        let run = run(&settings_100, thinned(&frames[phase..], false, || 0.0), &[60.5]);
+        let run = run(
+            &settings_100,
+            thinned(&frames[phase..], false, || 0.0),
+            &[60.5],
+        );
         points.push(pulse_delta_v(&run) / exact - 1.0);
         let notes = &run.records[0].health.notes;
-        assert!(notes.iter().any(|note| note.contains("point samples can miss up to half")), "{notes:?}");
+        assert!(
+            notes
+                .iter()
+                .any(|note| note.contains("point samples can miss up to half")),
+            "{notes:?}"
+        );
     }
     eprintln!("point samples, ten phases, relative error of delta-V: {points:.3?}");
 }

@@ -46,7 +46,11 @@ impl Log {
     pub fn frame(&mut self, t: f64, id: &str, data: &[u8]) {
         let nanos = num::round_i64(t * 1e9) + EPOCH * 1_000_000_000;
         let hex = schema::seal::Hex(data);
-        let line = format!("({}.{:09}) can0 {id}#{hex}", nanos / 1_000_000_000, nanos % 1_000_000_000);
+        let line = format!(
+            "({}.{:09}) can0 {id}#{hex}",
+            nanos / 1_000_000_000,
+            nanos % 1_000_000_000
+        );
         self.lines.push((nanos, line));
     }
 
@@ -54,7 +58,10 @@ impl Log {
     fn triple(&mut self, t: f64, id: &str, values: [f64; 3], counter: u64) {
         let mut bits = (counter % 16) << 60;
         for (axis, value) in values.into_iter().enumerate() {
-            let code = num::round_i64(value / 0.002).clamp(-524_288, 524_287).cast_unsigned() & 0xF_FFFF;
+            let code = num::round_i64(value / 0.002)
+                .clamp(-524_288, 524_287)
+                .cast_unsigned()
+                & 0xF_FFFF;
             bits |= code << (20 * axis);
         }
         self.frame(t, id, &bits.to_le_bytes());
@@ -72,7 +79,9 @@ impl Log {
 
     /// A wheel frame, km/h.
     pub fn wheels(&mut self, t: f64, kmh: f64) {
-        let code = u16::try_from(num::round_i64(kmh * 100.0)).unwrap().to_be_bytes();
+        let code = u16::try_from(num::round_i64(kmh * 100.0))
+            .unwrap()
+            .to_be_bytes();
         self.frame(t, "122", &[code[0], code[1], code[0], code[1], 0]);
     }
 
@@ -97,10 +106,12 @@ impl Log {
 
     /// The text, in the order it was written.
     pub fn unsorted(self) -> String {
-        self.lines.iter().fold(String::new(), |mut text, (_, line)| {
-            writeln!(text, "{line}").unwrap();
-            text
-        })
+        self.lines
+            .iter()
+            .fold(String::new(), |mut text, (_, line)| {
+                writeln!(text, "{line}").unwrap();
+                text
+            })
     }
 }
 
@@ -112,7 +123,10 @@ pub struct Run {
 }
 
 pub fn input(text: impl Into<Vec<u8>>) -> Vec<LogInput> {
-    vec![LogInput::Reader("-".to_owned(), Box::new(Cursor::new(text.into())))]
+    vec![LogInput::Reader(
+        "-".to_owned(),
+        Box::new(Cursor::new(text.into())),
+    )]
 }
 
 pub fn try_run(
@@ -132,11 +146,17 @@ pub fn try_run(
                 records.borrow_mut().push(record);
                 Ok(())
             })),
-            observer: Some(Box::new(|index, sample| samples.borrow_mut().push((index, *sample)))),
+            observer: Some(Box::new(|index, sample| {
+                samples.borrow_mut().push((index, *sample))
+            })),
             ..ReplayOptions::default()
         },
     )?;
-    Ok(Run { outcome, records: records.into_inner(), samples: samples.into_inner() })
+    Ok(Run {
+        outcome,
+        records: records.into_inner(),
+        samples: samples.into_inner(),
+    })
 }
 
 pub fn run(settings: &Settings, text: impl Into<Vec<u8>>, trigger_at: &[f64]) -> Run {
