@@ -99,7 +99,7 @@ fn hours_of_silence_cost_nothing() {
     let mut text = String::new();
     for part in 0..200 {
         let mut log = Log::default();
-        log.steady(f64::from(part) * 100_000.0, f64::from(part) * 100_000.0 + 0.5, 100.0, 50.0);
+        log.steady(f64::from(part) * 50_000.0, f64::from(part) * 50_000.0 + 0.5, 100.0, 50.0);
         text.push_str(&log.text());
     }
     let run = run(&settings(&[]), text, &[0.2]);
@@ -154,7 +154,7 @@ fn clipping_is_listed_on_body_axes() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 256, ..ProptestConfig::default() })]
 
     /// Any sequence of stamps, however wild, ends, and never gives an index twice.
     #[test]
