@@ -176,6 +176,7 @@ impl<'a> Pipeline<'a> {
         };
         match time.judge(frame.time_ns) {
             Judgement::Good => self.take(frame),
+            Judgement::Drop => self.totals.late += 1,
             Judgement::Hold => self.held = Some(*frame),
             Judgement::DropHeld => {
                 self.held = None;
