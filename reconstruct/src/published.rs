@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use crate::epochs::Reversed;
 use crate::error_model::{ATT, POS, STATES, VEL};
 use crate::filter::Snapshot;
-use crate::frame::{Body, Rot, Vec3};
+use crate::frame::{Body, Nav, Rot, Vec3};
 use crate::kalman::{Belief, Scalar};
 use crate::mechanize::{Earth, Nav9, backward};
 use crate::motion::Motion;
@@ -72,40 +72,95 @@ pub fn f_matrix(
     f
 }
 
-/// `exp(F h)` and the noise integral by their series [S03, 2.27]; `F h` is at most a few tenths, so eight terms
-/// reach rounding. `w` is the spectral density `G W G'`.
+/// A 9 x 9 matrix by rows.
+type Rows = [[f64; STATES]; STATES];
+
+/// Terms of the series: `F h` is at most a few tenths and all but nilpotent (the Schuler loop is of order
+/// h^2 g/R), so what follows the sixth term is below rounding.
+const TERMS: u32 = 6;
+
+/// The sparse product `F m`, entries of `F` as (row, column, value).
+fn times(entries: &[(usize, usize, f64)], m: &Rows) -> Rows {
+    let mut out = [[0.0; STATES]; STATES];
+    for &(i, j, x) in entries {
+        for (to, from) in out[i].iter_mut().zip(&m[j]) {
+            *to += x * from;
+        }
+    }
+    out
+}
+
+/// `exp(F h)` and the noise integral by their series [S03, 2.27], up to rounding. `w` is the spectral density
+/// `G W G'`.
 #[must_use]
-pub fn series(
+fn series(
     f: &SMatrix<f64, STATES, STATES>,
     w: &SMatrix<f64, STATES, STATES>,
     h: f64,
-) -> (SMatrix<f64, STATES, STATES>, SMatrix<f64, STATES, STATES>) {
-    let entries: Vec<(usize, usize, f64)> = (0..STATES)
-        .flat_map(|i| (0..STATES).map(move |j| (i, j)))
-        .map(|(i, j)| (i, j, f[(i, j)] * h))
-        .filter(|e| e.2 != 0.0)
-        .collect();
-    let times = |m: &SMatrix<f64, STATES, STATES>| {
-        let mut out = SMatrix::<f64, STATES, STATES>::zeros();
-        for &(i, j, x) in &entries {
-            for c in 0..STATES {
-                out[(i, c)] += x * m[(j, c)];
+) -> (Rows, Rows) {
+    let mut entries = Vec::with_capacity(STATES * 2);
+    for j in 0..STATES {
+        for i in 0..STATES {
+            if f[(i, j)] != 0.0 {
+                entries.push((i, j, f[(i, j)] * h));
             }
         }
-        out
-    };
-    let mut phi = SMatrix::identity();
-    let mut term = SMatrix::identity();
-    let mut q = w * h;
-    let mut rate = q;
-    for n in 1..=8_u32 {
-        term = times(&term) / f64::from(n);
-        phi += term;
-        let half = times(&rate);
-        rate = (half + half.transpose()) / f64::from(n + 1);
-        q += rate;
+    }
+    let mut phi: Rows = [[0.0; STATES]; STATES];
+    let mut rate: Rows = [[0.0; STATES]; STATES];
+    for i in 0..STATES {
+        phi[i][i] = 1.0;
+        for j in 0..STATES {
+            rate[i][j] = w[(i, j)] * h;
+        }
+    }
+    let mut term = phi;
+    let mut q = rate;
+    for n in 1..=TERMS {
+        let share = 1.0 / f64::from(n);
+        term = times(&entries, &term);
+        let half = times(&entries, &rate);
+        let next = 1.0 / f64::from(n + 1);
+        for i in 0..STATES {
+            for j in 0..STATES {
+                term[i][j] *= share;
+                phi[i][j] += term[i][j];
+                rate[i][j] = (half[i][j] + half[j][i]) * next;
+                q[i][j] += rate[i][j];
+            }
+        }
     }
     (phi, q)
+}
+
+/// `P <- Phi P Phi' + Q`, with the few entries that `Phi` has beside the identity.
+fn propagate(p: &mut SMatrix<f64, STATES, STATES>, phi: &Rows, q: &Rows) {
+    let mut entries = Vec::with_capacity(STATES * 3);
+    for (i, row) in phi.iter().enumerate() {
+        for (j, x) in row.iter().enumerate() {
+            let x = if i == j { x - 1.0 } else { *x };
+            if x != 0.0 {
+                entries.push((i, j, x));
+            }
+        }
+    }
+    // P is symmetric, so its columns may be read as rows.
+    let now: Rows = (*p).into();
+    let moved = times(&entries, &now);
+    let mut half = now;
+    let mut turned = now;
+    for i in 0..STATES {
+        for j in 0..STATES {
+            half[i][j] += moved[i][j];
+            turned[j][i] = half[i][j];
+        }
+    }
+    let back = times(&entries, &turned);
+    for i in 0..STATES {
+        for j in 0..STATES {
+            p[(i, j)] = half[i][j] + back[j][i] + q[i][j];
+        }
+    }
 }
 
 /// Runs the published filter backwards.
@@ -152,7 +207,7 @@ pub fn run(
         let f_b = Vec3::<Body>::from(epoch.accel - start.accel_bias);
         let (next, view) = backward(&nav, f_b, w_b, epoch.dt, earth);
         let heading = nav.c_nb.euler().2;
-        let level = Rot::<crate::frame::Nav, Body>::from_euler(0.0, 0.0, heading);
+        let level = Rot::<Nav, Body>::from_euler(0.0, 0.0, heading);
         let a = level.m.transpose() * view.a_n.v;
         let f = -f_matrix(&a, &w_b.v, earth.gravity, Signs::Corrected);
         let driving = (nav.v_n.v.norm() / 5.0).min(1.0);
@@ -171,7 +226,7 @@ pub fn run(
             };
         }
         let (phi, q) = series(&f, &density, epoch.dt);
-        belief.predict(&phi, &SMatrix::zeros(), &q);
+        propagate(&mut belief.p_xx, &phi, &q);
         nav = next;
     }
     out.reverse();
@@ -240,7 +295,7 @@ fn to_nav(x: &SVector<f64, STATES>, heading: f64) -> SVector<f64, STATES> {
 
 /// 9 x 9: reorders S03's states and turns their axes by the heading.
 fn rotation(heading: f64) -> SMatrix<f64, STATES, STATES> {
-    let c = Rot::<crate::frame::Nav, Body>::from_euler(0.0, 0.0, heading).m;
+    let c = Rot::<Nav, Body>::from_euler(0.0, 0.0, heading).m;
     let mut m = SMatrix::<f64, STATES, STATES>::zeros();
     for (i, (block, axis)) in ORDER.iter().enumerate() {
         for row in 0..3 {
@@ -250,11 +305,33 @@ fn rotation(heading: f64) -> SMatrix<f64, STATES, STATES> {
     m
 }
 
+/// The covariance of S03's states in navigation axes and in our order: block by block `C P C'`.
+fn turned_covariance(
+    p: &SMatrix<f64, STATES, STATES>,
+    heading: f64,
+) -> SMatrix<f64, STATES, STATES> {
+    let c = Rot::<Nav, Body>::from_euler(0.0, 0.0, heading).m;
+    let mut ours = SMatrix::<f64, STATES, STATES>::zeros();
+    for i in 0..STATES {
+        for j in 0..STATES {
+            ours[(place(i), place(j))] = p[(i, j)];
+        }
+    }
+    for block in [POS, VEL, ATT] {
+        for other in [POS, VEL, ATT].into_iter().filter(|other| *other >= block) {
+            let turned = c * ours.fixed_view::<3, 3>(block, other) * c.transpose();
+            ours.fixed_view_mut::<3, 3>(other, block)
+                .copy_from(&turned.transpose());
+            ours.fixed_view_mut::<3, 3>(block, other).copy_from(&turned);
+        }
+    }
+    ours
+}
+
 fn snapshot(nav: &Nav9, belief: &Belief<STATES, 1>, used: bool) -> Snapshot {
-    let turn = rotation(nav.c_nb.euler().2);
     Snapshot {
         nav: *nav,
-        p: turn * belief.p_xx * turn.transpose(),
+        p: turned_covariance(&belief.p_xx, nav.c_nb.euler().2),
         sd_accel: [f64::NAN; 2],
         wheels_used: used,
     }
@@ -263,10 +340,11 @@ fn snapshot(nav: &Nav9, belief: &Belief<STATES, 1>, used: bool) -> Snapshot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{Nav, exp_so3};
+    use crate::frame::exp_so3;
     use crate::matrix::van_loan;
     use crate::mechanize::forward;
     use nalgebra::DMatrix;
+    use schema::num::real;
 
     /// `F` by finite differences of the mechanisation, in the vehicle axes of the instant, on a level car.
     fn found(a: &Vector3<f64>, w: &Vector3<f64>, row: usize, column: usize) -> f64 {
@@ -370,8 +448,20 @@ mod tests {
         let d =
             |m: &SMatrix<f64, STATES, STATES>| DMatrix::from_fn(STATES, STATES, |i, j| m[(i, j)]);
         let (want_phi, want_q) = van_loan(&d(&-f), &d(&w), 0.05).unwrap();
-        assert!((d(&phi) - want_phi).norm() < 1e-13);
-        assert!((d(&q) - want_q).norm() < 1e-14);
+        let rows = |m: &Rows| SMatrix::<f64, STATES, STATES>::from_fn(|i, j| m[i][j]);
+        assert!((d(&rows(&phi)) - &want_phi).norm() < 1e-13);
+        assert!((d(&rows(&q)) - &want_q).norm() < 1e-14);
+        // The sparse congruence and the turned covariance against dense products.
+        let p = SMatrix::<f64, STATES, STATES>::from_fn(|i, j| {
+            real(i + j).sin() + if i == j { 20.0 } else { 0.0 }
+        });
+        let mut moved = p;
+        propagate(&mut moved, &phi, &q);
+        let want = &want_phi * d(&p) * want_phi.transpose() + want_q;
+        assert!((d(&moved) - want).norm() < 1e-11);
+        let turn = rotation(0.7);
+        let want = turn * p * turn.transpose();
+        assert!((turned_covariance(&p, 0.7) - want).norm() < 1e-12);
     }
 
     /// The figures of [S03, 1.2.1 and 3.3.1], with g put in.

@@ -9,7 +9,7 @@ use schema::parts::{Completion, Trigger};
 use crate::dead_reckoning;
 use crate::epochs::Epochs;
 use crate::error::ReconstructError;
-use crate::filter::{self, Setup, Snapshot, Tuning};
+use crate::filter::{self, Setup, Tuning};
 use crate::findings::crash::{self, Evidence};
 use crate::findings::{Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, limits};
 use crate::funnel::{self, Source};
@@ -184,18 +184,35 @@ pub fn from_epochs(
         road: road.as_ref(),
         tuning: options.tuning,
     };
-    let nine = filter::run(&setup);
-    let mut runs: BTreeMap<Model, Vec<Snapshot>> = BTreeMap::new();
-    if let Some(snapshots) = dead_reckoning::run(&reversed, &motion) {
-        runs.insert(Model::DeadReckoning, snapshots);
-    }
-    runs.insert(
-        Model::Published,
-        published::run(&reversed, &start, &motion, &earth),
-    );
-    runs.insert(Model::NineState, nine.snapshots);
     let quantile = two_sided_quantile(options.confidence);
-    let chosen = runs.get(&options.model).ok_or(ReconstructError::Option {
+    let mut answers: BTreeMap<Model, ModelAnswer> = BTreeMap::new();
+    let mut chosen = None;
+    let mut wheels = WheelUse::default();
+    for model in [Model::DeadReckoning, Model::Published, Model::NineState] {
+        let snapshots = match model {
+            Model::DeadReckoning => dead_reckoning::run(&reversed, &motion),
+            Model::Published => Some(published::run(&reversed, &start, &motion, &earth)),
+            Model::NineState => {
+                let pass = filter::run(&setup);
+                if options.model == Model::NineState {
+                    wheels = pass.wheels;
+                }
+                Some(pass.snapshots)
+            }
+        };
+        let Some(snapshots) = snapshots else { continue };
+        let evidence = Evidence {
+            epochs,
+            motion: &motion,
+            snapshots: &snapshots,
+            quantile,
+        };
+        answers.insert(model, answer(model, &evidence, from));
+        if model == options.model {
+            chosen = Some(snapshots);
+        }
+    }
+    let chosen = chosen.ok_or(ReconstructError::Option {
         option: "model",
         expected: "a model the record can feed",
         found: format!(
@@ -210,11 +227,11 @@ pub fn from_epochs(
         road: road.as_ref().filter(|_| options.model == Model::NineState),
         utc_zero_ns: facts.utc_zero_ns,
     };
-    let (states, road_use) = funnel::states(&source, chosen, from, to);
+    let (states, road_use) = funnel::states(&source, &chosen, from, to);
     let evidence = Evidence {
         epochs,
         motion: &motion,
-        snapshots: chosen,
+        snapshots: &chosen,
         quantile,
     };
     let rest_from = rest.found().then_some(rest.range.start);
@@ -224,20 +241,6 @@ pub fn from_epochs(
         duration_s: rest.duration_s,
         reason: rest.reason.clone(),
     };
-    let models = runs
-        .iter()
-        .map(|(model, snapshots)| {
-            answer(
-                *model,
-                snapshots,
-                &Evidence {
-                    snapshots,
-                    ..evidence
-                },
-                from,
-            )
-        })
-        .collect();
     let first = &states[0];
     let top = states
         .iter()
@@ -260,13 +263,9 @@ pub fn from_epochs(
         start_speed_mps: Figure::new(first.speed, first.sd_speed, quantile),
         top_speed_mps: Figure::new(top.speed, top.sd_speed, quantile),
         top_speed_t_s: top.t_s,
-        models,
+        models: answers.into_values().collect(),
         road: road_use,
-        wheels: if options.model == Model::NineState {
-            nine.wheels
-        } else {
-            WheelUse::default()
-        },
+        wheels,
         missing_samples: schema::num::u64_of(missing),
         clipped_samples: schema::num::u64_of(clipped),
         rest_pose: options.rest_pose,
@@ -300,13 +299,8 @@ fn window(epochs: &Epochs, options: &Options) -> Result<(usize, usize), Reconstr
     Ok((from, to))
 }
 
-fn answer(
-    model: Model,
-    snapshots: &[Snapshot],
-    evidence: &Evidence<'_>,
-    from: usize,
-) -> ModelAnswer {
-    let snapshot = &snapshots[from];
+fn answer(model: Model, evidence: &Evidence<'_>, from: usize) -> ModelAnswer {
+    let snapshot = &evidence.snapshots[from];
     let sd = |i: usize| snapshot.p[(i, i)].max(0.0).sqrt();
     ModelAnswer {
         name: model.name(),

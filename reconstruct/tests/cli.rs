@@ -142,6 +142,17 @@ fn the_same_input_gives_the_same_bytes_and_a_stale_funnel_goes() {
             "{name}"
         );
     }
+    let csv = std::fs::read_to_string(a.join("trajectory.csv")).unwrap();
+    let heading = csv
+        .lines()
+        .last()
+        .unwrap()
+        .split(',')
+        .nth(11)
+        .unwrap()
+        .parse::<f64>()
+        .unwrap();
+    assert!((heading - 123.5).abs() < 0.1, "{heading}");
     let funnel = json(&a.join("funnel.geojson"));
     let rest = funnel["features"]
         .as_array()

@@ -32,8 +32,6 @@ pub struct Bin {
     pub frames: [u16; GROUPS],
     /// Frames lost by their counter or time before those that fell here: accel, rate.
     pub lost: [u16; 2],
-    /// Anything fell here.
-    pub touched: bool,
 }
 
 impl Bin {
@@ -96,9 +94,7 @@ impl Bins {
         while self.open.len() <= ahead {
             self.open.push_back(Bin::default());
         }
-        let bin = self.open.get_mut(ahead)?;
-        bin.touched = true;
-        Some(bin)
+        self.open.get_mut(ahead)
     }
 
     /// Closes the first bin.

@@ -98,9 +98,8 @@ impl Pace {
             }
             return None;
         }
-        let periods = (step / self.period).round().max(1.0);
         let gap = step > self.limit();
-        self.slow = if (2.0..=20.0).contains(&periods) {
+        self.slow = if step > 1.5 * self.period && step < 20.0 * self.period {
             self.slow + 1
         } else {
             0
@@ -111,8 +110,8 @@ impl Pace {
         }
         if !gap {
             self.weight = (self.weight + 1.0).min(400.0);
-            let error = step - periods * self.period;
-            self.period = (self.period + error / periods / self.weight).max(1.0);
+            let error = step - self.period;
+            self.period = (self.period + error / self.weight).max(1.0);
             self.variance += (error * error - self.variance) / self.weight;
         }
         gap.then_some((last, time_ns))

@@ -220,13 +220,11 @@ impl Sampler {
         for number in 0..self.streams.len() {
             self.pump(number, now_ns, true, out);
         }
-        let reach = self
-            .streams
-            .iter()
-            .filter_map(ImuStream::tiled_ns)
-            .max()
-            .unwrap_or(now_ns)
-            .max(now_ns);
+        // The last frames' periods end the recording, not their receive times; unless the IMU fell silent before.
+        let tiled = self.streams.iter().filter_map(ImuStream::tiled_ns).max();
+        let reach = tiled
+            .filter(|tiled| now_ns - tiled < 2 * PATIENCE_NS)
+            .unwrap_or(now_ns);
         self.close(reach, out);
     }
 
@@ -241,9 +239,10 @@ impl Sampler {
     fn close(&mut self, until_ns: i64, out: &mut Vec<Output>) {
         while start_of(self.bins.base() + 1) <= until_ns {
             let (index, bin) = self.bins.close();
-            self.started |= bin.touched;
+            let closed = self.closed(index, &bin);
+            self.started |= closed.sample != Sample::default();
             if self.started {
-                out.push(Output::Bin(self.closed(index, &bin)));
+                out.push(Output::Bin(closed));
             }
         }
     }

@@ -19,6 +19,8 @@ pub const START: usize = 16;
 const MAX_LOST: i64 = 16;
 /// Frames in a row that contradict the period end the line.
 const CONTRADICTIONS: u32 = 12;
+/// Frames that are early by more than this part of a period were numbered too high.
+const STEP_BACK: f64 = 0.75;
 /// Memory of the fit, ns, and its bounds in frames.
 const MEMORY_NS: f64 = 5e9;
 const MEMORY_FRAMES: (f64, f64) = (50.0, 5000.0);
@@ -234,7 +236,7 @@ impl Timeline {
         }
         self.last_counter = head.counter;
         // An earlier frame was taken for lost but was late: step back.
-        if lost == 0 && median < -0.75 {
+        if lost == 0 && median < -STEP_BACK {
             self.line += self.period * median.round();
         }
         let steps = num::real_i64(lost + 1);
@@ -286,10 +288,14 @@ impl Timeline {
         } else {
             self.skipping = (lost, u32::from(lost > 0));
         }
-        let off = median.abs() > 0.75 && (lost == 0 || median < 0.0);
-        self.early = if off { self.early + 1 } else { 0 };
+        // One step back mends a false loss; step after step means that frames come faster than thought.
+        self.early = if lost == 0 && median.abs() > STEP_BACK {
+            self.early + 4
+        } else {
+            self.early.saturating_sub(1)
+        };
         let counted = self.modulus > 1 && self.skipping.0 > 0;
-        (self.skipping.1 >= CONTRADICTIONS && !counted) || self.early >= CONTRADICTIONS
+        (self.skipping.1 >= CONTRADICTIONS && !counted) || self.early >= 2 * CONTRADICTIONS
     }
 
     /// The head's period on the tiling: touching its predecessor's unless frames were lost between.

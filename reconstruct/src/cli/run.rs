@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use reconstruct::ReconstructError;
-use reconstruct::export::{funnel, trajectory};
+use reconstruct::export::{compass, ellipse, funnel, trajectory};
 use reconstruct::findings::RestPose;
-use reconstruct::report::{motion, page, plan, summary, terminal};
+use reconstruct::report::pictures::Pictures;
+use reconstruct::report::{page, summary, terminal};
 use reconstruct::road::RoadLimits;
 use reconstruct::run::{Model, Options, Road, reconstruct};
 use serde_json::json;
@@ -131,17 +132,23 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     };
     let loaded = Loaded::open(&args.record)?;
     let case = loaded.case();
-    let result = reconstruct(&loaded.record, &options)?;
+    let mut result = reconstruct(&loaded.record, &options)?;
+    compass::to_true_north(&mut result);
     std::fs::create_dir_all(&args.out).map_err(|error| CliError::file(&args.out, error))?;
     let summary = summary::summary(&result, &case);
+    let outline = ellipse::outline(&result.states, result.rest_pose.as_ref(), result.confidence);
+    let pictures = Pictures::draw(&result, &outline);
     let funnel_name = funnel::file_name(&result);
     let files = [
         ("trajectory.csv", trajectory::csv(&result.states)),
         ("summary.json", format!("{summary:#}\n")),
-        (funnel_name, format!("{}\n", funnel::collection(&result))),
-        ("path.svg", plan::file(&result)),
-        ("motion.svg", motion::file(&result)),
-        ("report.html", page::html(&result, &case)),
+        (
+            funnel_name,
+            format!("{}\n", funnel::collection(&result, &outline)),
+        ),
+        ("path.svg", pictures.path_file()),
+        ("motion.svg", pictures.motion_file()),
+        ("report.html", page::html(&result, &case, &pictures)),
     ];
     for (name, text) in &files {
         write_file(&args.out.join(name), text.as_bytes())?;

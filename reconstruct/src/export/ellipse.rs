@@ -36,18 +36,16 @@ impl Covariance {
         }
     }
 
-    /// Of a state on the earth: the rest pose's own covariance added. A heading error `e` at rest turns the
-    /// path about the rest point, which moves the point (n, e) by e * (-east, north).
+    /// Of a state on the earth: the error of the rest point added. That of the heading at rest is in the
+    /// state already, see [`crate::export::compass`].
     #[must_use]
     pub fn absolute(state: &State, pose: &RestPose) -> Self {
         let relative = Self::relative(state);
-        let [north, east, _] = state.position;
         let place = pose.sd_m.powi(2);
-        let turn = pose.sd_deg.to_radians().powi(2);
         Self {
-            north: relative.north + place + turn * east * east,
-            east: relative.east + place + turn * north * north,
-            cross: relative.cross - turn * north * east,
+            north: relative.north + place,
+            east: relative.east + place,
+            cross: relative.cross,
         }
     }
 }

@@ -19,25 +19,26 @@ pub fn push(out: &mut String, x: f64, decimals: usize) {
         return;
     }
     let whole = num::round_i64(scaled);
-    let mut digits = [b'0'; 20];
+    // Written from the end: at most 16 digits, a point and a sign.
+    let mut text = [b'0'; 24];
     let mut rest = whole.unsigned_abs();
-    let mut length = 0;
-    while rest > 0 || length <= decimals {
-        if let Some(slot) = digits.get_mut(length) {
-            *slot = b'0' + u8::try_from(rest % 10).unwrap_or(0);
+    let mut place = text.len();
+    let mut written = 0;
+    while rest > 0 || written <= decimals {
+        if written == decimals && decimals > 0 {
+            place -= 1;
+            text[place] = b'.';
         }
+        place -= 1;
+        text[place] = b'0' + u8::try_from(rest % 10).unwrap_or(0);
         rest /= 10;
-        length += 1;
+        written += 1;
     }
     if whole < 0 {
-        out.push('-');
+        place -= 1;
+        text[place] = b'-';
     }
-    for (place, digit) in digits.iter().take(length).enumerate().rev() {
-        out.push(char::from(*digit));
-        if place == decimals && decimals > 0 {
-            out.push('.');
-        }
-    }
+    out.push_str(std::str::from_utf8(&text[place..]).unwrap_or(""));
 }
 
 /// `x` with fixed decimals; empty if it is not finite.

@@ -63,9 +63,10 @@ impl Map {
     }
 }
 
-/// The whole collection: path, outline, one ellipse a second, rest, impacts, onset of braking.
+/// The whole collection: path, outline (from [`ellipse::outline`]), one ellipse a second, rest, impacts, onset
+/// of braking.
 #[must_use]
-pub fn collection(r: &Reconstruction) -> Value {
+pub fn collection(r: &Reconstruction, outline: &[Polygon]) -> Value {
     let pose = r.rest_pose.as_ref();
     let map = Map {
         plane: pose.map(TangentPlane::at),
@@ -86,10 +87,7 @@ pub fn collection(r: &Reconstruction) -> Value {
             json!({"kind": "path", "t_s": times}),
         ));
     }
-    let outline: Value = ellipse::outline(&r.states, pose, r.confidence)
-        .iter()
-        .map(|p| map.polygon(p))
-        .collect();
+    let outline: Value = outline.iter().map(|p| map.polygon(p)).collect();
     features.push(feature(
         json!({"type": "MultiPolygon", "coordinates": outline}),
         json!({
@@ -201,6 +199,7 @@ pub fn each_second(states: &[State]) -> impl Iterator<Item = (&State, i64)> {
 #[cfg(test)]
 mod tests {
     use super::{collection, file_name, nearest};
+    use crate::export::ellipse;
     use crate::findings::RestPose;
     use crate::report::sample_case;
 
@@ -208,7 +207,7 @@ mod tests {
     fn local_file_without_a_pose_and_geojson_with_one() {
         let mut r = sample_case::reconstruction();
         assert_eq!(file_name(&r), "funnel.local.json");
-        let local = collection(&r);
+        let local = collection(&r, &ellipse::outline(&r.states, r.rest_pose.as_ref(), 0.95));
         assert_eq!(local["axes"][0], "east_m");
         r.rest_pose = Some(RestPose {
             latitude_deg: 59.9,
@@ -218,7 +217,7 @@ mod tests {
             sd_deg: 2.0,
         });
         assert_eq!(file_name(&r), "funnel.geojson");
-        let geo = collection(&r);
+        let geo = collection(&r, &ellipse::outline(&r.states, r.rest_pose.as_ref(), 0.95));
         assert!(geo.get("axes").is_none());
         let kinds: Vec<&str> = geo["features"]
             .as_array()

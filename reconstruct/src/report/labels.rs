@@ -153,7 +153,7 @@ impl Placer {
         svg.rect(
             [area.x, area.y],
             [w, h],
-            "fill=\"#fff\" fill-opacity=\"0.86\"",
+            "fill=\"#fff\" fill-opacity=\"0.78\"",
         );
         for (i, line) in lines.iter().enumerate() {
             let y = area.y + 1.0 + size * (1.2 * num::real(i) + 1.0);

@@ -4,7 +4,7 @@
 //! 2. [`number`]: numbers rounded to their uncertainty.
 //! 3. [`summary`]: `summary.json`; its JSON Schema is [`SUMMARY_SCHEMA`].
 //! 4. [`words`]: the findings as sentences a judge can read.
-//! 5. [`svg`], [`axis`], [`labels`]: drawing; [`plan`]: `path.svg`; [`motion`], [`panel`]: `motion.svg`.
+//! 5. [`svg`], [`axis`], [`labels`]: drawing; [`plan`]: `path.svg`; [`motion`], [`panel`]: `motion.svg`; [`pictures`]: all of them.
 //! 6. [`page`], [`tables`], [`record_tables`]: `report.html`; [`terminal`]: one screen.
 
 pub mod axis;
@@ -15,6 +15,7 @@ pub(crate) mod motion_parts;
 pub mod number;
 pub mod page;
 pub mod panel;
+pub mod pictures;
 pub mod plan;
 pub(crate) mod plan_marks;
 pub mod record_tables;

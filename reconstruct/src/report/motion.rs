@@ -22,12 +22,6 @@ pub enum Layout {
     Narrow,
 }
 
-/// The file `motion.svg`.
-#[must_use]
-pub fn file(r: &Reconstruction) -> String {
-    svg::file(&picture(r, Layout::Wide, "mf"))
-}
-
 /// The picture; `prefix` makes its clip paths' names unique in a page.
 #[must_use]
 pub fn picture(r: &Reconstruction, layout: Layout, prefix: &str) -> String {
@@ -274,14 +268,15 @@ fn legend(svg: &mut Svg, r: &Reconstruction, shaded: bool, [left, y, _, size]: [
 
 #[cfg(test)]
 mod tests {
-    use super::{Layout, events, file, header, picture};
+    use super::{Layout, events, header, picture};
     use crate::report::sample_case;
 
     #[test]
     fn the_same_input_gives_the_same_bytes() {
         let r = sample_case::reconstruction();
-        assert_eq!(file(&r), file(&r.clone()));
-        assert!(!file(&r).contains("NaN"));
+        let wide = picture(&r, Layout::Wide, "w");
+        assert_eq!(wide, picture(&r.clone(), Layout::Wide, "w"));
+        assert!(!wide.contains("NaN"));
         assert!(picture(&r, Layout::Narrow, "n").contains("off scale"));
     }
 

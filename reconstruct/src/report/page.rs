@@ -4,15 +4,18 @@ use std::fmt::Write as _;
 
 use crate::findings::Reconstruction;
 use crate::report::case::{Case, Signature};
+use crate::report::motion::Layout;
 use crate::report::number::{self, KMH};
+use crate::report::pictures::Pictures;
+use crate::report::plan::View;
 use crate::report::svg::escape;
-use crate::report::{motion, plan, record_tables, summary, tables, words};
+use crate::report::{record_tables, summary, tables, words};
 
 const STYLE: &str = include_str!("page.css");
 
 /// The whole page.
 #[must_use]
-pub fn html(r: &Reconstruction, case: &Case<'_>) -> String {
+pub fn html(r: &Reconstruction, case: &Case<'_>, pictures: &Pictures) -> String {
     let software = summary::software();
     let mut out = String::with_capacity(400_000);
     let title = format!("Crash reconstruction: {}", case.file);
@@ -32,8 +35,8 @@ pub fn html(r: &Reconstruction, case: &Case<'_>) -> String {
     out.push_str(&key(r));
     section(&mut out, "Summary", &paragraphs(&words::sentences(r, case)));
     out.push_str(&limits(r));
-    section(&mut out, "Path of the car", &path(r));
-    section(&mut out, "Motion over time", &over_time(r));
+    section(&mut out, "Path of the car", &path(r, pictures));
+    section(&mut out, "Motion over time", &over_time(pictures));
     section(&mut out, "Figures and their bounds", &tables::figures(r));
     section(&mut out, "Models side by side", &models(r));
     section(
@@ -145,7 +148,7 @@ fn key(r: &Reconstruction) -> String {
             .value
             .replace('-', "\u{2212}");
         card(
-            "Force came",
+            "Force came from",
             words.trim_start_matches("from "),
             &format!("{hour} o'clock, principal direction {degrees}\u{b0}"),
         );
@@ -184,11 +187,11 @@ fn limits(r: &Reconstruction) -> String {
     out
 }
 
-fn path(r: &Reconstruction) -> String {
+fn path(r: &Reconstruction, pictures: &Pictures) -> String {
     format!(
         "<div class=\"pair\">\n<figure>{}</figure>\n<figure>{}</figure>\n</div>\n<p class=\"sub\">{}</p>\n",
-        plan::panel(r, plan::View::Overview),
-        plan::panel(r, plan::View::Close),
+        pictures.path(View::Overview),
+        pictures.path(View::Close),
         escape(&format!(
             "The funnel joins the ellipses of all instants and is a drawing only. The claim is the ellipse of each instant: the true position at that instant lies in it with {} confidence{}.",
             number::percent(r.confidence),
@@ -201,17 +204,17 @@ fn path(r: &Reconstruction) -> String {
     )
 }
 
-fn over_time(r: &Reconstruction) -> String {
+fn over_time(pictures: &Pictures) -> String {
     format!(
         "<figure class=\"motion wide\">{}</figure>\n<figure class=\"motion narrow\">{}</figure>\n",
-        motion::picture(r, motion::Layout::Wide, "mw"),
-        motion::picture(r, motion::Layout::Narrow, "mn")
+        pictures.motion(Layout::Wide),
+        pictures.motion(Layout::Narrow)
     )
 }
 
 fn models(r: &Reconstruction) -> String {
     format!(
-        "{}<p>The models use the same record. Where they differ by more than their bounds, the simpler one leaves something out that matters in this crash; dead reckoning states no bounds.</p>\n",
+        "{}<p>The models use the same record. Where they differ by more than their bounds, the simpler one leaves something out that matters in this crash.</p>\n",
         tables::models(r)
     )
 }
@@ -232,7 +235,13 @@ fn method(r: &Reconstruction) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::html;
+    use super::Pictures;
+    use crate::report::case::Case;
+
+    fn html(r: &crate::findings::Reconstruction, case: &Case<'_>) -> String {
+        super::html(r, case, &Pictures::draw(r, &[]))
+    }
+
     use crate::report::sample_case;
 
     #[test]

@@ -2,7 +2,7 @@
 
 use schema::num;
 
-use crate::export::ellipse;
+use crate::export::ellipse::{self, Polygon};
 use crate::export::funnel::{each_second, nearest};
 use crate::findings::Reconstruction;
 use crate::report::axis::{Scale, round_step, step_decimals};
@@ -48,32 +48,53 @@ impl Frame {
     }
 }
 
-/// Both panels side by side: the file `path.svg`.
-#[must_use]
-pub fn file(r: &Reconstruction) -> String {
-    let [w, h] = PANEL;
-    let mut svg = Svg::new();
-    svg.rect([0.0, 0.0], [2.0 * w, h], "fill=\"#fff\"");
-    svg.raw(&body(r, View::Overview, "po"));
-    svg.raw("<g transform=\"translate(640 0)\">");
-    svg.raw(&body(r, View::Close, "pc"));
-    svg.raw("</g>");
-    svg::file(&svg::picture(
-        [2.0 * w, h],
-        "Path of the car with its funnel",
-        &description(r),
-        &svg.into_body(),
-    ))
+/// Both views, drawn once for the file and the page.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    overview: String,
+    close: String,
+    description: String,
 }
 
-/// One panel as a picture of its own, for the page.
-#[must_use]
-pub fn panel(r: &Reconstruction, view: View) -> String {
-    let (title, prefix) = match view {
-        View::Overview => ("Path of the car over the whole window", "ho"),
-        View::Close => ("Path of the car about the crash", "hc"),
-    };
-    svg::picture(PANEL, title, &description(r), &body(r, view, prefix))
+impl Plan {
+    /// Draws a reconstruction; `outline` is the funnel's, from [`ellipse::outline`].
+    #[must_use]
+    pub fn draw(r: &Reconstruction, outline: &[Polygon]) -> Self {
+        Self {
+            overview: body(r, View::Overview, outline, "po"),
+            close: body(r, View::Close, outline, "pc"),
+            description: description(r),
+        }
+    }
+
+    /// Both panels side by side: the file `path.svg`.
+    #[must_use]
+    pub fn file(&self) -> String {
+        let [w, h] = PANEL;
+        let mut svg = Svg::new();
+        svg.rect([0.0, 0.0], [2.0 * w, h], "fill=\"#fff\"");
+        svg.raw(&self.overview);
+        svg.raw("<g transform=\"translate(640 0)\">");
+        svg.raw(&self.close);
+        svg.raw("</g>");
+        let title = "Path of the car with its funnel";
+        svg::file(&svg::picture(
+            [2.0 * w, h],
+            title,
+            &self.description,
+            &svg.into_body(),
+        ))
+    }
+
+    /// One panel as a picture of its own, for the page.
+    #[must_use]
+    pub fn panel(&self, view: View) -> String {
+        let (title, body) = match view {
+            View::Overview => ("Path of the car over the whole window", &self.overview),
+            View::Close => ("Path of the car about the crash", &self.close),
+        };
+        svg::picture(PANEL, title, &self.description, body)
+    }
 }
 
 fn description(r: &Reconstruction) -> String {
@@ -96,7 +117,7 @@ fn close_from(r: &Reconstruction) -> f64 {
         .map_or_else(|| r.rest.t_s.unwrap_or(end) - 4.0, |i| i.t_s.value - 1.0)
 }
 
-fn body(r: &Reconstruction, view: View, prefix: &str) -> String {
+fn body(r: &Reconstruction, view: View, outline: &[Polygon], prefix: &str) -> String {
     let mut svg = Svg::new();
     let title = match view {
         View::Overview => "Whole window",
@@ -132,7 +153,7 @@ fn body(r: &Reconstruction, view: View, prefix: &str) -> String {
     grid(&mut svg, &frame);
     svg.raw(&clip(prefix));
     svg.raw(&format!("<g clip-path=\"url(#{prefix})\">"));
-    funnel(&mut svg, &frame, r, shown);
+    funnel(&mut svg, &frame, r, shown, outline);
     if view == View::Close {
         marks::cars(&mut svg, &frame, r, shown);
     }
@@ -271,9 +292,9 @@ fn grid(svg: &mut Svg, frame: &Frame) {
 }
 
 /// The union of the ellipses, and some of the ellipses themselves.
-fn funnel(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[State]) {
+fn funnel(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[State], outline: &[Polygon]) {
     let pose = r.rest_pose.as_ref();
-    for polygon in ellipse::outline(shown, pose, r.confidence) {
+    for polygon in outline {
         let rings: Vec<Vec<[f64; 2]>> = polygon
             .iter()
             .map(|ring| ring.iter().map(|p| frame.at(*p)).collect())

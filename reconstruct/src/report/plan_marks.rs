@@ -55,7 +55,7 @@ pub(crate) fn cars(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[St
         svg.polygon(
             &outline(frame, s),
             &format!(
-                "fill=\"#fff\" fill-opacity=\"0.55\" stroke=\"#555\" stroke-width=\"{weight}\""
+                "fill=\"#fff\" fill-opacity=\"0.4\" stroke=\"#555\" stroke-width=\"{weight}\""
             ),
         );
         svg.polyline(
