@@ -202,13 +202,16 @@ impl Motion {
         let size = [k, (k + 1).min(list.len() - 1)].map(|i| (self.accel[i] - base).xy().norm());
         let onset_s = ramp(list[k].t_s - dt, dt, size);
         let before = k.saturating_sub(1);
-        let (last, level) = self.tail(epochs, last, clear);
-        // The same ramp seen from behind: bins counted down from the last.
-        let end_s = ramp(
-            list[last].t_s,
-            -dt,
-            [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
-        );
+        let (tail, level) = self.tail(epochs, last, clear);
+        let apart = self.separation(epochs, k, tail);
+        let (last, level, end_s) = if apart < tail {
+            (apart, Vector3::zeros(), list[apart].t_s)
+        } else {
+            // The same ramp seen from behind: bins counted down from the last.
+            let size = [tail, tail.saturating_sub(1)];
+            let size = size.map(|i| (self.accel[i] - level).xy().norm());
+            (tail, level, ramp(list[tail].t_s, -dt, size))
+        };
         Pulse {
             first,
             last,
@@ -220,6 +223,21 @@ impl Motion {
             base,
             level,
         }
+    }
+
+    /// Separation: the bin at whose end the velocity has changed most. What rings on after it takes some of the
+    /// change back and is no part of the pulse.
+    fn separation(&self, epochs: &Epochs, first: usize, last: usize) -> usize {
+        let mut sum = Vector3::<f64>::zeros();
+        let mut most = (0.0, last);
+        for k in first..=last {
+            sum += self.accel[k] * epochs.list[k].dt;
+            let size = sum.xy().norm();
+            if size > most.0 {
+                most = (size, k);
+            }
+        }
+        most.1
     }
 
     /// Last bin of a pulse, and the mean acceleration behind it: after the last one above the threshold the acceleration still falls to its level
