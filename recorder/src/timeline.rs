@@ -278,7 +278,8 @@ impl Timeline {
         let turns =
             num::round_i64((late - num::real_i64(counted)) / num::real_i64(self.modulus)).max(0);
         let counted = counted + turns * self.modulus;
-        let allowed = (1.5 + 3.0 * self.spread / self.period).min(0.45 * num::real_i64(self.modulus));
+        let allowed =
+            (1.5 + 3.0 * self.spread / self.period).min(0.45 * num::real_i64(self.modulus));
         if (num::real_i64(counted) - late).abs() <= allowed {
             counted
         } else {
