@@ -1,6 +1,11 @@
 //! A first look at the motion: attitude from the gyros alone, acceleration free of gravity, and from them the
 //! pulses and the stretches in which a sensor must not be believed.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "the index is an epoch or a row of several arrays at once"
+)]
+
 use nalgebra::Vector3;
 use schema::num::real;
 use schema::parts::{Trigger, TriggerKind};
@@ -270,18 +275,9 @@ impl Motion {
         let n = list.len();
         let mut mark = |centre: usize, before: f64, after: f64| {
             let t = list[centre].t_s;
-            for k in (0..=centre).rev() {
-                if t - list[k].t_s > before {
-                    break;
-                }
-                self.wheels_bad[k] = true;
-            }
-            for k in centre..n {
-                if list[k].t_s - t > after {
-                    break;
-                }
-                self.wheels_bad[k] = true;
-            }
+            let from = list.partition_point(|e| e.t_s < t - before);
+            let to = list.partition_point(|e| e.t_s <= t + after);
+            self.wheels_bad[from..to].fill(true);
         };
         let after_impact = self.impacts.first().map_or(n, |pulse| pulse.first);
         for k in 0..n {

@@ -223,7 +223,7 @@ impl Sampler {
         // The last frames' periods end the recording, not their receive times; unless the IMU fell silent before.
         let tiled = self.streams.iter().filter_map(ImuStream::tiled_ns).max();
         let reach = tiled
-            .filter(|tiled| now_ns - tiled < 2 * PATIENCE_NS)
+            .filter(|tiled| (now_ns - tiled).abs() < LAG_NS / 4)
             .unwrap_or(now_ns);
         self.close(reach, out);
     }

@@ -139,15 +139,15 @@ fn pulse(result: &Reconstruction, epochs: &Epochs, motion: &Motion, out: &mut Ve
 fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
     if result.missing_samples > 0 {
         out.push(format!(
-            "{} samples ({:.2} s) lack an IMU value; they are bridged by straight lines and the bounds are wider.",
-            result.missing_samples,
+            "{} ({:.2} s) without a whole IMU value: bridged by straight lines, and the bounds are wider.",
+            samples(result.missing_samples),
             seconds(result.missing_samples)
         ));
     }
     if result.clipped_samples > 0 {
         out.push(format!(
-            "{} samples hold frames at a sensor's limit.",
-            result.clipped_samples
+            "{} with frames at a sensor's limit.",
+            samples(result.clipped_samples)
         ));
     }
     let heard = epochs
@@ -176,6 +176,15 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
              wide doubt."
                 .to_owned(),
         );
+    }
+}
+
+/// A count of samples in words.
+fn samples(n: u64) -> String {
+    if n == 1 {
+        "1 sample".to_owned()
+    } else {
+        format!("{n} samples")
     }
 }
 
