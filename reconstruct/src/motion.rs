@@ -26,6 +26,8 @@ const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
 /// falls to it within [`TAIL_S`], s.
 const LEVEL_S: [f64; 2] = [0.05, 0.12];
 const TAIL_S: f64 = 0.03;
+/// A pulse that gives back more than this ends where it was largest, m/s.
+const SWING_BACK: f64 = 0.1;
 /// Quiet time that separates two pulses, s.
 const PULSE_GAP_S: f64 = 0.050;
 
@@ -202,15 +204,19 @@ impl Motion {
         let size = [k, (k + 1).min(list.len() - 1)].map(|i| (self.accel[i] - base).xy().norm());
         let onset_s = ramp(list[k].t_s - dt, dt, size);
         let before = k.saturating_sub(1);
-        let (tail, level) = self.tail(epochs, last, clear);
-        let apart = self.separation(epochs, k, tail);
-        let (last, level, end_s) = if apart < tail {
-            (apart, Vector3::zeros(), list[apart].t_s)
-        } else {
+        let (last, level) = self.tail(epochs, last, clear);
+        let (last, level, end_s) = match self.parting(epochs, k, last) {
+            Some(parting) => (parting, Vector3::zeros(), list[parting].t_s),
             // The same ramp seen from behind: bins counted down from the last.
-            let size = [tail, tail.saturating_sub(1)];
-            let size = size.map(|i| (self.accel[i] - level).xy().norm());
-            (tail, level, ramp(list[tail].t_s, -dt, size))
+            None => (
+                last,
+                level,
+                ramp(
+                    list[last].t_s,
+                    -dt,
+                    [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
+                ),
+            ),
         };
         Pulse {
             first,
@@ -225,19 +231,22 @@ impl Motion {
         }
     }
 
-    /// Separation: the bin at whose end the velocity has changed most. What rings on after it takes some of the
-    /// change back and is no part of the pulse.
-    fn separation(&self, epochs: &Epochs, first: usize, last: usize) -> usize {
-        let mut sum = Vector3::<f64>::zeros();
-        let mut most = (0.0, last);
+    /// The bin in which the cars part, if the pulse goes on behind it: there the change of velocity is largest
+    /// [49 CFR 563.5, maximum delta-V], and what follows is the structure that swings back.
+    fn parting(&self, epochs: &Epochs, first: usize, last: usize) -> Option<usize> {
+        let mut turned = Rot::<Nav, Body>::identity();
+        let mut change = Vector3::zeros();
+        let mut largest = (0.0, last);
         for k in first..=last {
-            sum += self.accel[k] * epochs.list[k].dt;
-            let size = sum.xy().norm();
-            if size > most.0 {
-                most = (size, k);
+            let dt = epochs.list[k].dt;
+            turned = Rot::from_matrix(turned.m * exp_so3(&(self.rate[k] * dt)));
+            change += turned.m * self.accel[k] * dt;
+            let size = change.xy().norm();
+            if size > largest.0 {
+                largest = (size, k);
             }
         }
-        most.1
+        (largest.0 - change.xy().norm() > SWING_BACK).then_some(largest.1)
     }
 
     /// Last bin of a pulse, and the mean acceleration behind it: after the last one above the threshold the acceleration still falls to its level

@@ -5,6 +5,8 @@ use support::drive::{Fix, Score, score};
 use support::{pipeline, recordings};
 
 use reconstruct::findings::Reconstruction;
+use reconstruct::trajectory::State;
+use schema::num;
 
 const ZERO: i64 = 1_700_000_000;
 
@@ -201,5 +203,123 @@ fn two_minutes_back() {
             return;
         };
         eprintln!("{}", row(&case, &result, &score));
+        let first = score.misses[0];
+        assert!(
+            first.off <= 0.01 * first.left,
+            "{}: {} m",
+            case.name,
+            first.off
+        );
+        assert!(score.inside >= 0.8, "{}: {}", case.name, score.inside);
+    }
+}
+
+/// The car's own bus: wheels by its public DBC, and a record that ends moving, with wide but honest bounds.
+#[test]
+fn a_real_bus_and_a_record_that_ends_moving() {
+    let Some(text) = recordings::log("rav4") else {
+        return;
+    };
+    let columns = [
+        "t_s",
+        "ref_n_m",
+        "ref_e_m",
+        "ref_speed_mps",
+        "ref_yaw_enu_rad",
+    ];
+    let truth = recordings::table("rav4.truth.csv", &columns).unwrap();
+    for trigger in [45.0, 49.0, 58.0] {
+        let replayed =
+            pipeline::record(&recordings::settings("rav4", &[]), text.clone(), &[trigger]);
+        let record = &replayed.records[0];
+        assert!(!record.completion.complete && !record.completion.ends_at_rest);
+        let moving = |lines: &[String]| lines.iter().any(|line| line.contains("ends moving"));
+        assert!(
+            moving(&record.completion.reasons),
+            "{:?}",
+            record.completion
+        );
+        let utc_s = |monotonic: i64| {
+            num::real_i64(monotonic + record.header.clock.offset_ns - 1_533_224_087_000_000_000)
+                * 1e-9
+        };
+        let ratios: Vec<f64> = record
+            .samples()
+            .filter_map(|sample| {
+                let (left, right) = sample.sample.wheels[0].zip(sample.sample.wheels[1])?;
+                let t = utc_s(record.monotonic_ns(sample.index));
+                Some(f64::midpoint(left, right) / recordings::at(&truth, t, 3)?)
+            })
+            .collect();
+        let ratio = recordings::median(&ratios);
+        assert!(
+            ratios.len() > 1000 && (ratio - 1.0).abs() < 0.015,
+            "{ratio}"
+        );
+
+        let result = pipeline::run(record);
+        assert!(!result.rest.found && result.gaps, "{:?}", result.rest);
+        assert!(moving(&result.limits), "{:?}", result.limits);
+        // Both paths as seen from the last state: place and heading there are the frame.
+        let last = result.states.last().unwrap();
+        let end = utc_s(last.utc_ns.unwrap() - record.header.clock.offset_ns);
+        let place = |t: f64| Some([recordings::at(&truth, t, 1)?, recordings::at(&truth, t, 2)?]);
+        let (origin, yaw) = (
+            place(end - 0.1).unwrap(),
+            recordings::at(&truth, end - 0.1, 4).unwrap(),
+        );
+        let at = |t: f64| {
+            result
+                .states
+                .iter()
+                .min_by(|a, b| {
+                    let off = |s: &State| (s.t_s - last.t_s - (t - end)).abs();
+                    off(a).total_cmp(&off(b))
+                })
+                .unwrap()
+        };
+        let base = at(end - 0.1);
+        let (mut inside, mut speeds, mut worst) = (Vec::new(), Vec::new(), (0.0, 0.0, 0.0));
+        let mut back = 1.0;
+        while let Some(fix) = place(end - back) {
+            let state = at(end - back);
+            if (state.t_s - last.t_s + back).abs() > 0.011 {
+                break;
+            }
+            // The truth's heading is counterclockwise from east.
+            let (east, north) = (fix[1] - origin[1], fix[0] - origin[0]);
+            let forward = yaw.cos() * east + yaw.sin() * north;
+            let right = yaw.sin() * east - yaw.cos() * north;
+            let d = [
+                state.position[0] - base.position[0] - forward,
+                state.position[1] - base.position[1] - right,
+            ];
+            // The reference's own heading is off by some tenths of a degree.
+            let doubt = 0.01 * forward.hypot(right);
+            let (nn, ee, ne) = (
+                state.sd_north.powi(2) + doubt.powi(2) + 0.25,
+                state.sd_east.powi(2) + doubt.powi(2) + 0.25,
+                state.cov_north_east,
+            );
+            let chi = (ee * d[0] * d[0] - 2.0 * ne * d[0] * d[1] + nn * d[1] * d[1])
+                / (nn * ee - ne * ne);
+            inside.push(chi < 5.991);
+            let speed = recordings::at(&truth, end - back, 3).unwrap();
+            speeds.push((state.ground_speed - speed).abs() < 1.96 * state.sd_speed);
+            worst = (back, d[0].hypot(d[1]), forward.hypot(right));
+            back += 1.0;
+        }
+        eprintln!(
+            "rav4 triggered at {trigger}: wheels {ratio:.4} of the reference; {:.0} s back {:.1} m off, {:.0} m away \
+             (sd {:.1} m); places inside {:.2}, speeds inside {:.2}",
+            worst.0,
+            worst.1,
+            worst.2,
+            result.states[0].sd_north.hypot(result.states[0].sd_east),
+            recordings::share(&inside),
+            recordings::share(&speeds),
+        );
+        assert!(recordings::share(&inside) >= 0.9);
+        assert!(recordings::share(&speeds) >= 0.9);
     }
 }
