@@ -50,22 +50,37 @@ fn velocity_along(nav: &Nav9, axis: usize) -> (f64, SVector<f64, STATES>) {
     (a.dot(v), h)
 }
 
-/// One wheel: `speed` (m/s) of the left (`side` = -1) or right (+1) wheel [S03, 2.7-2.10].
-///
-/// `v_left = vx + wz d/2`, `v_right = vx - wz d/2` at the rear axle; nothing divides by the difference, so a
-/// straight road is no special case [S03, 2.14]. `shift_s` is how long before the state the speed was true
-/// and `accel` the forward acceleration. `noise` is one sigma of the value as white noise.
+/// A wheel's reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelReading {
+    /// -1 for the left wheel, +1 for the right one.
+    pub side: f64,
+    /// Its speed, m/s.
+    pub speed: f64,
+    /// How long before the state that speed was true, s.
+    pub shift_s: f64,
+    /// Forward acceleration over that time, m/s^2.
+    pub accel: f64,
+    /// One sigma of the value as white noise, m/s.
+    pub noise: f64,
+}
+
+/// One wheel [S03, 2.7-2.10]: `v_left = vx + wz d/2`, `v_right = vx - wz d/2` at the rear axle. Nothing divides by
+/// the difference, so a straight road is no special case [S03, 2.14].
 #[must_use]
 pub fn wheel(
     nav: &Nav9,
     rate: &Vector3<f64>,
-    accel: f64,
     geometry: &Geometry,
-    side: f64,
-    speed: f64,
-    shift_s: f64,
-    noise: f64,
+    reading: &WheelReading,
 ) -> NineScalar {
+    let WheelReading {
+        side,
+        speed,
+        shift_s,
+        accel,
+        noise,
+    } = *reading;
     let (vx, h_x) = velocity_along(nav, 0);
     let arm = side * geometry.half_track - geometry.imu.y;
     let predicted = vx - rate.z * arm - rate.y * geometry.imu.z - accel * shift_s;
@@ -73,8 +88,8 @@ pub fn wheel(
     h_c[BG + 2] = -arm;
     h_c[SG + 2] = -arm * rate.z;
     h_c[WHEEL] = -predicted;
-    h_c[LATENCY] = -accel;
     h_c[WHEEL_DIFF] = 0.5 * side * predicted;
+    h_c[LATENCY] = -accel;
     let lever = rate.z * geometry.imu_sd.y;
     NineScalar {
         residual: predicted - speed,
@@ -148,6 +163,16 @@ mod tests {
         }
     }
 
+    fn reading(side: f64, speed: f64, accel: f64) -> WheelReading {
+        WheelReading {
+            side,
+            speed,
+            shift_s: 0.02,
+            accel,
+            noise: 0.1,
+        }
+    }
+
     fn geometry() -> Geometry {
         Geometry {
             imu: Vector3::new(1.3, 0.1, -0.5),
@@ -156,13 +181,14 @@ mod tests {
         }
     }
 
+    type Build = fn(&Nav9, &Vector3<f64>) -> NineScalar;
+
     /// Each Jacobian against a finite difference of its own residual.
     #[test]
     fn jacobians_meet_finite_differences() {
         let rate = Vector3::new(0.02, -0.05, 0.4);
-        type Build = fn(&Nav9, &Vector3<f64>) -> NineScalar;
         let builds: [Build; 5] = [
-            |n, w| wheel(n, w, 1.5, &geometry(), -1.0, 20.0, 0.02, 0.1),
+            |n, w| wheel(n, w, &geometry(), &reading(-1.0, 20.0, 1.5)),
             |n, w| no_side_slip(n, w, &geometry(), 0.2),
             |n, w| no_jump(n, w, &geometry(), 0.2),
             |n, _| road_angle(n, 0, 0.03, 0.04),
@@ -206,8 +232,8 @@ mod tests {
             imu: Vector3::zeros(),
             ..geometry()
         };
-        let left = wheel(&level, &right_turn, 0.0, &flat, -1.0, 0.0, 0.0, 0.1).residual;
-        let right = wheel(&level, &right_turn, 0.0, &flat, 1.0, 0.0, 0.0, 0.1).residual;
+        let left = wheel(&level, &right_turn, &flat, &reading(-1.0, 0.0, 0.0)).residual;
+        let right = wheel(&level, &right_turn, &flat, &reading(1.0, 0.0, 0.0)).residual;
         assert!((left - 10.365).abs() < 1e-9 && (right - 9.635).abs() < 1e-9);
     }
 }

@@ -10,6 +10,11 @@
 //! Backward in time the transition over `h > 0` is `exp(-F h)` with positive noise. `F` is nilpotent
 //! (`F^3 = 0`), so the exponential and van Loan's integral close; both are checked against the general ones.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "the index is an epoch or a row of several arrays at once"
+)]
+
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::frame::{Body, Nav, Rot, Vec3, skew};

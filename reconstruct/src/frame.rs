@@ -23,12 +23,21 @@ pub struct Body;
 pub struct Nav;
 
 /// A 3-vector written in frame `F`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Vec3<F> {
     /// Components along the axes of `F`.
     pub v: Vector3<f64>,
     frame: PhantomData<F>,
 }
+
+// By hand: a derive would ask for `F: Copy`, and the frame is only a name.
+impl<F> Clone for Vec3<F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<F> Copy for Vec3<F> {}
 
 impl<F> Vec3<F> {
     /// From components.

@@ -1,6 +1,11 @@
 //! A first look at the motion: attitude from the gyros alone, acceleration free of gravity, and from them the
 //! pulses and the stretches in which a sensor must not be believed.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "the index is an epoch or a row of several arrays at once"
+)]
+
 use nalgebra::Vector3;
 use schema::num::real;
 use schema::parts::{Trigger, TriggerKind};
@@ -21,6 +26,8 @@ const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
 /// falls to it within [`TAIL_S`], s.
 const LEVEL_S: [f64; 2] = [0.05, 0.12];
 const TAIL_S: f64 = 0.03;
+/// A pulse that gives back more than this ends where it was largest, m/s.
+const SWING_BACK: f64 = 0.1;
 /// Quiet time that separates two pulses, s.
 const PULSE_GAP_S: f64 = 0.050;
 
@@ -198,12 +205,19 @@ impl Motion {
         let onset_s = ramp(list[k].t_s - dt, dt, size);
         let before = k.saturating_sub(1);
         let (last, level) = self.tail(epochs, last, clear);
-        // The same ramp seen from behind: bins counted down from the last.
-        let end_s = ramp(
-            list[last].t_s,
-            -dt,
-            [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
-        );
+        let (last, level, end_s) = match self.parting(epochs, k, last) {
+            Some(parting) => (parting, Vector3::zeros(), list[parting].t_s),
+            // The same ramp seen from behind: bins counted down from the last.
+            None => (
+                last,
+                level,
+                ramp(
+                    list[last].t_s,
+                    -dt,
+                    [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
+                ),
+            ),
+        };
         Pulse {
             first,
             last,
@@ -215,6 +229,24 @@ impl Motion {
             base,
             level,
         }
+    }
+
+    /// The bin in which the cars part, if the pulse goes on behind it: there the change of velocity is largest
+    /// [49 CFR 563.5, maximum delta-V], and what follows is the structure that swings back.
+    fn parting(&self, epochs: &Epochs, first: usize, last: usize) -> Option<usize> {
+        let mut turned = Rot::<Nav, Body>::identity();
+        let mut change = Vector3::zeros();
+        let mut largest = (0.0, last);
+        for k in first..=last {
+            let dt = epochs.list[k].dt;
+            turned = Rot::from_matrix(turned.m * exp_so3(&(self.rate[k] * dt)));
+            change += turned.m * self.accel[k] * dt;
+            let size = change.xy().norm();
+            if size > largest.0 {
+                largest = (size, k);
+            }
+        }
+        (largest.0 - change.xy().norm() > SWING_BACK).then_some(largest.1)
     }
 
     /// Last bin of a pulse, and the mean acceleration behind it: after the last one above the threshold the acceleration still falls to its level
@@ -243,18 +275,9 @@ impl Motion {
         let n = list.len();
         let mut mark = |centre: usize, before: f64, after: f64| {
             let t = list[centre].t_s;
-            for k in (0..=centre).rev() {
-                if t - list[k].t_s > before {
-                    break;
-                }
-                self.wheels_bad[k] = true;
-            }
-            for k in centre..n {
-                if list[k].t_s - t > after {
-                    break;
-                }
-                self.wheels_bad[k] = true;
-            }
+            let from = list.partition_point(|e| e.t_s < t - before);
+            let to = list.partition_point(|e| e.t_s <= t + after);
+            self.wheels_bad[from..to].fill(true);
         };
         let after_impact = self.impacts.first().map_or(n, |pulse| pulse.first);
         for k in 0..n {

@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::epochs::Reversed;
 use crate::error_model::{ATT, POS, STATES, VEL};
-use crate::filter::Snapshot;
+use crate::filter::{Snapshot, VIBRATION_SPEED};
 use crate::frame::{Body, Nav, Rot, Vec3};
 use crate::kalman::{Belief, Scalar};
 use crate::mechanize::{Earth, Nav9, backward};
@@ -210,7 +210,7 @@ pub fn run(
         let level = Rot::<Nav, Body>::from_euler(0.0, 0.0, heading);
         let a = level.m.transpose() * view.a_n.v;
         let f = -f_matrix(&a, &w_b.v, earth.gravity, Signs::Corrected);
-        let driving = (nav.v_n.v.norm() / 5.0).min(1.0);
+        let driving = (nav.v_n.v.norm() / VIBRATION_SPEED).min(1.0);
         let accel = imu.accel_density.powi(2)
             + (imu.accel_vibration * driving).powi(2) * 0.01
             + epoch.accel_psd;

@@ -1,15 +1,13 @@
 //! One run: from a record to the reconstruction.
 
-use std::collections::BTreeMap;
-
 use schema::Record;
 use schema::num::real_u64;
 use schema::parts::{Completion, Trigger};
 
 use crate::dead_reckoning;
-use crate::epochs::Epochs;
+use crate::epochs::{Epoch, Epochs};
 use crate::error::ReconstructError;
-use crate::filter::{self, Setup, Tuning};
+use crate::filter::{self, Setup, Snapshot, Tuning};
 use crate::findings::crash::{self, Evidence};
 use crate::findings::{Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, limits};
 use crate::funnel::{self, Source};
@@ -185,41 +183,7 @@ pub fn from_epochs(
         tuning: options.tuning,
     };
     let quantile = two_sided_quantile(options.confidence);
-    let mut answers: BTreeMap<Model, ModelAnswer> = BTreeMap::new();
-    let mut chosen = None;
-    let mut wheels = WheelUse::default();
-    for model in [Model::DeadReckoning, Model::Published, Model::NineState] {
-        let snapshots = match model {
-            Model::DeadReckoning => dead_reckoning::run(&reversed, &motion),
-            Model::Published => Some(published::run(&reversed, &start, &motion, &earth)),
-            Model::NineState => {
-                let pass = filter::run(&setup);
-                if options.model == Model::NineState {
-                    wheels = pass.wheels;
-                }
-                Some(pass.snapshots)
-            }
-        };
-        let Some(snapshots) = snapshots else { continue };
-        let evidence = Evidence {
-            epochs,
-            motion: &motion,
-            snapshots: &snapshots,
-            quantile,
-        };
-        answers.insert(model, answer(model, &evidence, from));
-        if model == options.model {
-            chosen = Some(snapshots);
-        }
-    }
-    let chosen = chosen.ok_or(ReconstructError::Option {
-        option: "model",
-        expected: "a model the record can feed",
-        found: format!(
-            "{} without a wheel speed in the record",
-            options.model.name()
-        ),
-    })?;
+    let ran = run_models(&setup, options.model, quantile, from)?;
     let source = Source {
         epochs,
         motion: &motion,
@@ -227,54 +191,113 @@ pub fn from_epochs(
         road: road.as_ref().filter(|_| options.model == Model::NineState),
         utc_zero_ns: facts.utc_zero_ns,
     };
-    let (states, road_use) = funnel::states(&source, &chosen, from, to);
+    let (states, road_use) = funnel::states(&source, &ran.snapshots, from, to);
     let evidence = Evidence {
         epochs,
         motion: &motion,
-        snapshots: &chosen,
+        snapshots: &ran.snapshots,
         quantile,
     };
     let rest_from = rest.found().then_some(rest.range.start);
-    let rest_summary = Rest {
-        found: rest.found(),
-        t_s: rest_from.map(|k| epochs.list[k].t_s - epochs.list[k].dt),
-        duration_s: rest.duration_s,
-        reason: rest.reason.clone(),
-    };
     let first = &states[0];
     let top = states
         .iter()
         .fold(first, |a, b| if b.speed > a.speed { b } else { a });
-    let missing = epochs.list[from..to]
-        .iter()
-        .filter(|e| e.measured != [true; 6])
-        .count();
-    let clipped = epochs.list[from..to]
-        .iter()
-        .filter(|e| e.clipped.iter().any(|c| *c != 0.0))
-        .count();
+    let count = |bad: fn(&Epoch) -> bool| {
+        schema::num::u64_of(epochs.list[from..to].iter().filter(|e| bad(e)).count())
+    };
+    let missing = count(|e| e.measured != [true; 6]);
     let mut result = Reconstruction {
         model: options.model.name(),
         confidence: options.confidence,
-        rest: rest_summary,
+        rest: Rest {
+            found: rest.found(),
+            t_s: rest_from.map(|k| epochs.list[k].t_s - epochs.list[k].dt),
+            duration_s: rest.duration_s,
+            reason: rest.reason.clone(),
+        },
         impacts: crash::impacts(&evidence),
         braking: crash::braking(&evidence, rest_from),
         distance_m: crash::distance(&states, quantile),
         start_speed_mps: Figure::new(first.speed, first.sd_speed, quantile),
         top_speed_mps: Figure::new(top.speed, top.sd_speed, quantile),
         top_speed_t_s: top.t_s,
-        models: answers.into_values().collect(),
+        models: ran.answers,
         road: road_use,
-        wheels,
-        missing_samples: schema::num::u64_of(missing),
-        clipped_samples: schema::num::u64_of(clipped),
+        wheels: ran.wheels,
+        missing_samples: missing,
+        clipped_samples: count(|e| e.clipped.iter().any(|c| *c != 0.0)),
         rest_pose: options.rest_pose,
         limits: Vec::new(),
-        gaps: missing > 0 || !facts.completion.complete || !rest.found(),
+        gaps: missing > 0
+            || limits::wheel_gaps(epochs).0 > 0
+            || !facts.completion.complete
+            || !rest.found(),
         states,
     };
     result.limits = limits::sentences(&result, epochs, &motion, facts);
     Ok(result)
+}
+
+/// What the models gave.
+struct Ran {
+    /// Side by side, in the order of [`Model`].
+    answers: Vec<ModelAnswer>,
+    /// Snapshots of the model asked for.
+    snapshots: Vec<Snapshot>,
+    /// Its use of the wheels.
+    wheels: WheelUse,
+}
+
+/// Runs every model; only the snapshots of the one asked for are kept.
+fn run_models(
+    setup: &Setup<'_>,
+    asked: Model,
+    quantile: f64,
+    from: usize,
+) -> Result<Ran, ReconstructError> {
+    let mut answers = Vec::new();
+    let mut kept = None;
+    let mut wheels = WheelUse::default();
+    for model in [Model::DeadReckoning, Model::Published, Model::NineState] {
+        let snapshots = match model {
+            Model::DeadReckoning => dead_reckoning::run(&setup.reversed, setup.motion),
+            Model::Published => Some(published::run(
+                &setup.reversed,
+                setup.start,
+                setup.motion,
+                &setup.earth,
+            )),
+            Model::NineState => {
+                let pass = filter::run(setup);
+                if asked == Model::NineState {
+                    wheels = pass.wheels;
+                }
+                Some(pass.snapshots)
+            }
+        };
+        let Some(snapshots) = snapshots else { continue };
+        let evidence = Evidence {
+            epochs: setup.reversed.forward(),
+            motion: setup.motion,
+            snapshots: &snapshots,
+            quantile,
+        };
+        answers.push(answer(model, &evidence, from));
+        if model == asked {
+            kept = Some(snapshots);
+        }
+    }
+    let snapshots = kept.ok_or(ReconstructError::Option {
+        option: "model",
+        expected: "a model the record can feed",
+        found: format!("{} without a wheel speed in the record", asked.name()),
+    })?;
+    Ok(Ran {
+        answers,
+        snapshots,
+        wheels,
+    })
 }
 
 /// First and one-past-last epoch of the window asked for.

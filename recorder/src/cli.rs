@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use schema::Record;
+use schema::parts::TriggerKind;
 use schema::seal::Hex;
 use schema::units::{MetersPerSecond, MetersPerSecondSquared};
 use serde::Serialize;
@@ -13,7 +14,6 @@ use serde::Serialize;
 use crate::check::{CheckReport, check};
 use crate::config::Settings;
 use crate::error::RecorderError;
-use crate::pipeline::trigger_words;
 use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
 use crate::store;
 
@@ -104,7 +104,7 @@ struct SealedLine<'a> {
 
 #[derive(Serialize)]
 struct TriggerLine {
-    kind: schema::parts::TriggerKind,
+    kind: TriggerKind,
     t_s: f64,
     value: f64,
     threshold: f64,
@@ -238,7 +238,11 @@ fn warnings(record: &Record, path: &Path) -> Vec<String> {
     let name = path
         .file_name()
         .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let kinds: Vec<String> = record.triggers.iter().map(trigger_words).collect();
+    let kinds: Vec<&str> = record
+        .triggers
+        .iter()
+        .map(|trigger| kind_word(trigger.kind))
+        .collect();
     let mut lines = vec![format!("{name}: triggers: {}", kinds.join(", "))];
     for reason in &record.completion.reasons {
         lines.push(format!("{name}: incomplete: {reason}"));
@@ -351,4 +355,14 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
         print(&format!("warning: {warning}"))?;
     }
     Ok(())
+}
+
+/// A trigger in words.
+fn kind_word(kind: TriggerKind) -> &'static str {
+    match kind {
+        TriggerKind::Peak => "peak",
+        TriggerKind::DeltaV => "delta-v",
+        TriggerKind::Manual => "manual",
+        TriggerKind::Can => "can",
+    }
 }

@@ -50,7 +50,7 @@ impl DeltaV {
     pub fn step(mut self, sample: &Sample, threshold: Option<f64>) -> (Self, Option<Crossing>) {
         let [x, y, _] = sample.accel;
         let mut change = [0.0; 2];
-        let mut off = [0.0; 2];
+        let mut off = [0.0_f64; 2];
         for (axis, value) in [x, y].into_iter().enumerate() {
             let (Some(value), Some(slow), Some(seeded)) =
                 (value, self.slow.get_mut(axis), self.seeded.get_mut(axis))

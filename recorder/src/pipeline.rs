@@ -1,14 +1,15 @@
 //! The pipeline from frames to records, the same for a live bus and a replayed log. It reads no clock: time is
 //! what the frames say.
 
+mod arrival;
+
 use std::collections::VecDeque;
 
 use schema::num;
-use schema::parts::{ClockStep, Gap, Health, Trigger};
+use schema::parts::{Gap, Health};
 use schema::time::Grid;
 use schema::{Packer, Record, Sample, Scales};
 
-use crate::bins::start_of;
 use crate::can::{ERR, Frame};
 use crate::config::{RawFrames, Settings};
 use crate::decode::{DecodeHealth, Decoder, Update};
@@ -16,16 +17,11 @@ use crate::event::{Ending, Event, GROUP_NAMES, GroupState, Surroundings};
 use crate::pace::Pace;
 use crate::ring::{RawRing, Ring, aux_group};
 use crate::sampler::{Closed, Output, Sampler};
-use crate::timebase::{Judgement, Timebase};
+use crate::timebase::Timebase;
 use crate::trigger::{Action, Fired, Input, Rules, State};
 
 /// Triggers are known at the latest so long after they happened, ns: the raw window keeps that much more.
 const TRIGGER_LAG_NS: i64 = 1_500_000_000;
-/// Silence longer than this leaves the ring behind (200 s: every running event is over by then).
-const LONG_SILENCE_NS: i64 = 200_000_000_000;
-/// Most gaps that are counted one by one in the totals.
-const MOST_NOTES: usize = 20;
-
 /// What the pipeline saw in all.
 #[derive(Clone, Debug, Default)]
 pub struct Totals {
@@ -161,70 +157,6 @@ impl<'a> Pipeline<'a> {
             }
         }
         groups
-    }
-
-    /// Takes a frame, in the order of arrival.
-    pub fn frame(&mut self, frame: &Frame) {
-        self.totals.frames += 1;
-        let Some(time) = &mut self.time else {
-            let time = Timebase::new(frame.time_ns);
-            self.first_ns = time.now_ns();
-            self.sampler.begin(self.first_ns);
-            self.time = Some(time);
-            self.take(frame);
-            return;
-        };
-        match time.judge(frame.time_ns) {
-            Judgement::Good => self.take(frame),
-            Judgement::Hold => self.held = Some(*frame),
-            Judgement::DropHeld => {
-                self.held = None;
-                self.totals.late += 1;
-                self.take(frame);
-            }
-            Judgement::Replace => {
-                self.held = Some(*frame);
-                self.totals.late += 1;
-            }
-            Judgement::Step => {
-                if let Some(held) = self.held.take() {
-                    self.step(held.time_ns);
-                    self.take(&held);
-                }
-                // The frame agrees with the held one, so it is in time now.
-                if let Some(time) = &mut self.time {
-                    time.judge(frame.time_ns);
-                }
-                self.take(frame);
-            }
-        }
-    }
-
-    /// No more frames come: closes every bin and seals what runs.
-    pub fn finish(&mut self) {
-        if let Some(held) = self.held.take() {
-            // Nothing contradicts the last frame: forwards it stands, backwards it is a stray.
-            if self
-                .time
-                .is_some_and(|time| held.time_ns > time.now_ns() + time.offset_ns())
-            {
-                self.step(held.time_ns);
-                self.take(&held);
-            } else {
-                self.totals.late += 1;
-            }
-        }
-        let Some(time) = self.time else { return };
-        self.sampler.flush(time.now_ns(), &mut self.out);
-        self.drain();
-        while let Some(post_trigger_end) = self.state.post_trigger_end() {
-            let at_rest = self.state.at_rest();
-            self.state = self.state.sealed();
-            self.seal(Ending::LogEnded {
-                post_trigger_end,
-                at_rest,
-            });
-        }
     }
 
     /// One frame at its place in time.
@@ -453,77 +385,4 @@ impl<'a> Pipeline<'a> {
         self.ready
             .push_back(event.seal(self.settings, ending, around));
     }
-
-    /// Time steps to a confirmed stamp: backwards over a seam, or forwards over a long silence.
-    fn step(&mut self, stamp_ns: i64) {
-        let Some(mut time) = self.time else { return };
-        let before_ns = time.now_ns();
-        self.sampler.flush(before_ns, &mut self.out);
-        self.drain();
-        let moved = time.step(stamp_ns);
-        let now_ns = time.now_ns();
-        if let Some((moved_ns, seam_end_ns)) = moved {
-            self.totals.clock_steps += 1;
-            self.note(format!(
-                "the clock of the frames stepped by {:.3} s",
-                num::real_i64(moved_ns) / 1e9
-            ));
-            let step = ClockStep {
-                monotonic_ns: seam_end_ns,
-                step_ns: moved_ns,
-            };
-            for event in &mut self.events {
-                event.tape.push_step(step.clone());
-            }
-            self.ring.push_step(step);
-            self.paces.iter_mut().for_each(Pace::pause);
-            self.sampler.seam(seam_end_ns, &mut self.out);
-            self.drain();
-            self.time = Some(time);
-            return;
-        }
-        let silent_ns = now_ns - before_ns;
-        self.note(format!(
-            "no frame for {:.1} s, or the clock was set forward",
-            num::real_i64(silent_ns) / 1e9
-        ));
-        let ring_ns = start_of(self.ring.capacity().unwrap_or(0));
-        let bridged_ns = if self.events.is_empty() {
-            ring_ns
-        } else {
-            LONG_SILENCE_NS
-        };
-        if silent_ns <= bridged_ns {
-            self.sampler.seam(now_ns, &mut self.out);
-            self.drain();
-        } else {
-            if !self.events.is_empty() {
-                self.sampler
-                    .seam(before_ns + LONG_SILENCE_NS, &mut self.out);
-                self.drain();
-            }
-            self.ring.clear();
-            self.aux.clear();
-            self.sampler.begin(now_ns);
-        }
-        self.time = Some(time);
-    }
-
-    fn note(&mut self, text: String) {
-        if self.notes.len() < MOST_NOTES {
-            self.notes.push(text);
-        }
-    }
-}
-
-/// The triggers of a record as words, for a terminal.
-#[must_use]
-pub fn trigger_words(trigger: &Trigger) -> String {
-    let kind = match trigger.kind {
-        schema::parts::TriggerKind::Peak => "peak",
-        schema::parts::TriggerKind::DeltaV => "delta-v",
-        schema::parts::TriggerKind::Manual => "manual",
-        schema::parts::TriggerKind::Can => "can",
-    };
-    kind.to_owned()
 }

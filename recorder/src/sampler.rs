@@ -1,7 +1,7 @@
 //! Signals become one sample per 10 ms.
 //!
 //! **IMU.** Each frame stands for one sensor period, the one that ends at its place on the de-jittered
-//! [`Timeline`] (sample and hold). The signal is integrated over each bin with exact overlaps, so the sum of
+//! [`crate::timeline::Timeline`] (sample and hold). The signal is integrated over each bin with exact overlaps, so the sum of
 //! samples times 10 ms is the sum of frames times their periods. One lost frame (a gap of two periods) is
 //! bridged by the mean of its neighbours; where more are lost nothing is put in their place: a bin of which less
 //! than half is covered is missing, another is the mean over what is covered.
@@ -223,7 +223,7 @@ impl Sampler {
         // The last frames' periods end the recording, not their receive times; unless the IMU fell silent before.
         let tiled = self.streams.iter().filter_map(ImuStream::tiled_ns).max();
         let reach = tiled
-            .filter(|tiled| now_ns - tiled < 2 * PATIENCE_NS)
+            .filter(|tiled| (now_ns - tiled).abs() < LAG_NS / 4)
             .unwrap_or(now_ns);
         self.close(reach, out);
     }

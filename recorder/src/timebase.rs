@@ -11,6 +11,11 @@ const EARLIER_NS: i64 = 50_000_000;
 /// A longer silence of all interfaces than this must be confirmed by a second frame, ns.
 const LATER_NS: i64 = 10_000_000_000;
 
+/// A longer silence than a day is no silence: the clock was set.
+const CLOCK_SET_NS: i64 = 86_400_000_000_000;
+/// The monotonic line ends here (126 years): later stamps are strays, so that no time can overflow.
+const END_NS: i64 = 4_000_000_000_000_000_000;
+
 /// What to do with a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Judgement {
@@ -22,6 +27,8 @@ pub enum Judgement {
     DropHeld,
     /// The held frame was a stray; hold this one.
     Replace,
+    /// A stray that can not be taken at all.
+    Drop,
     /// The held frame was right: time stepped back, or was silent for long. Step first, then take both.
     Step,
 }
@@ -66,6 +73,9 @@ impl Timebase {
 
     /// Judges a stamp.
     pub fn judge(&mut self, stamp_ns: i64) -> Judgement {
+        if self.monotonic(stamp_ns) > END_NS {
+            return Judgement::Drop;
+        }
         let near = |to: i64| (-EARLIER_NS..=LATER_NS).contains(&stamp_ns.saturating_sub(to));
         let held = self.held.take();
         match (near(self.newest_ns), held) {
@@ -89,12 +99,12 @@ impl Timebase {
         }
     }
 
-    /// Time goes on at a stamp that was confirmed. Forwards the line simply goes on; backwards it is moved so
-    /// that one bin is left out. Gives the change of the offset and the end of that bin.
+    /// Time goes on at a stamp that was confirmed. Forwards (by up to a day) the line simply goes on; else it is
+    /// moved so that one bin is left out. Gives the change of the offset and the end of that bin.
     pub fn step(&mut self, stamp_ns: i64) -> Option<(i64, i64)> {
         let before = self.newest_ns;
         self.newest_ns = stamp_ns;
-        if stamp_ns >= before {
+        if stamp_ns >= before && stamp_ns - before <= CLOCK_SET_NS {
             return None;
         }
         let seam_end =

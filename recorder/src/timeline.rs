@@ -19,6 +19,10 @@ pub const START: usize = 16;
 const MAX_LOST: i64 = 16;
 /// Frames in a row that contradict the period end the line.
 const CONTRADICTIONS: u32 = 12;
+/// Longest period of a sensor whose frames can still be laid on a line (4 Hz), ns.
+const SLOWEST_NS: f64 = 2.5e8;
+/// A line this far ahead of the receive times is broken, ns beyond four periods.
+const AHEAD_NS: f64 = 1e8;
 /// Frames that are early by more than this part of a period were numbered too high.
 const STEP_BACK: f64 = 0.75;
 /// Memory of the fit, ns, and its bounds in frames.
@@ -147,7 +151,7 @@ impl Timeline {
             }
             let numbers = self.number(waiting);
             let (at, period) = fit(waiting, &numbers);
-            if period <= 0.0 {
+            if !(1.0..=SLOWEST_NS).contains(&period) {
                 return false;
             }
             self.period = period;
@@ -160,7 +164,7 @@ impl Timeline {
         // The line now stands where the first frame's period ends; step back so that placing it leads there.
         self.line -= self.period;
         self.weight = num::real(count.min(START));
-        self.spread = self.spread.max(0.05 * self.period);
+        self.spread = self.spread.clamp(0.05 * self.period, self.period);
         self.running = true;
         true
     }
@@ -231,7 +235,8 @@ impl Timeline {
             known.get(count / 2).copied().unwrap_or(0.0)
         });
         let lost = self.lost(head, late, median);
-        if lost > MAX_LOST || self.contradicted(lost, median) {
+        let runaway = self.line - head.time > 4.0 * self.period + AHEAD_NS;
+        if lost > MAX_LOST || runaway || self.contradicted(lost, median) {
             return Verdict::Restart;
         }
         self.last_counter = head.counter;
@@ -273,7 +278,8 @@ impl Timeline {
         let turns =
             num::round_i64((late - num::real_i64(counted)) / num::real_i64(self.modulus)).max(0);
         let counted = counted + turns * self.modulus;
-        let allowed = 1.5 + 3.0 * self.spread / self.period;
+        let allowed =
+            (1.5 + 3.0 * self.spread / self.period).min(0.45 * num::real_i64(self.modulus));
         if (num::real_i64(counted) - late).abs() <= allowed {
             counted
         } else {

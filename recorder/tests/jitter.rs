@@ -23,7 +23,7 @@ fn pulse(hz: f64, seconds: f64, counters: bool, mut delay: impl FnMut(u64) -> Op
         let phase = ((t - 2.0) / 0.1).clamp(0.0, 1.0) * std::f64::consts::PI;
         300.0 * 0.1 / std::f64::consts::PI * (1.0 - phase.cos())
     };
-    let count = (seconds * hz).round() as u64;
+    let count = schema::num::u64_of(schema::num::round_usize(seconds * hz));
     for k in 1..=count {
         let t = k as f64 / hz;
         let Some(late) = delay(k) else { continue };

@@ -1,1 +1,17 @@
-//! Support for the tests that cross the crates.
+//! Support for the tests that cross the crates: recordings, logs that can be changed, the way from a log to a
+//! reconstruction, and scores against the truth.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stderr,
+    clippy::missing_panics_doc,
+    clippy::must_use_candidate,
+    reason = "support of tests: what fails here fails the test"
+)]
+
+pub mod crash;
+pub mod drive;
+pub mod log;
+pub mod pipeline;
+pub mod recordings;

@@ -16,7 +16,7 @@ use recorder::dbc::Database;
 use recorder::signal::Reading;
 use serde_json::Value;
 
-/// A small generator, so that the frames are the same everywhere (SplitMix64).
+/// A small generator, so that the frames are the same everywhere (`SplitMix64`).
 struct Random(u64);
 
 impl Random {
@@ -102,7 +102,9 @@ fn synthetic() -> String {
             let Some(bits_at) = (bits <= size * 8).then(|| tries.find_map(place)).flatten() else {
                 continue;
             };
-            bits_at.iter().for_each(|bit| used[*bit] = true);
+            for bit in &bits_at {
+                used[*bit] = true;
+            }
             let start = bits_at[0];
             let sign = if random.below(2) == 0 { '+' } else { '-' };
             let factor = factors[usize::try_from(random.below(6)).unwrap()];

@@ -170,8 +170,9 @@ fn ten() -> f64 {
 fn three() -> f64 {
     3.0
 }
+/// Wear, pressure and load change a tyre's rolling radius by about this part; the measured RAV4 reads 1.0 % low.
 fn wheel_scale() -> f64 {
-    0.003
+    0.01
 }
 fn wheel_scale_difference() -> f64 {
     0.001

@@ -4,6 +4,7 @@
 mod file;
 mod locate;
 mod mapping;
+mod names;
 mod settings;
 mod units;
 

@@ -147,7 +147,7 @@ pub fn try_run(
                 Ok(())
             })),
             observer: Some(Box::new(|index, sample| {
-                samples.borrow_mut().push((index, *sample))
+                samples.borrow_mut().push((index, *sample));
             })),
             ..ReplayOptions::default()
         },
