@@ -10,7 +10,7 @@ use schema::block::{cut, thin_blocks};
 use schema::header::Layout;
 use schema::sample::{AXES, MISSING, WHEELS};
 use schema::time::Grid;
-use schema::{Block, Packed, Packer, Sample, Scales};
+use schema::{Block, Packed, Packer, Sample, Scales, num};
 use support::GRID;
 
 fn packer() -> Packer {
@@ -170,7 +170,8 @@ fn the_largest_carry_fits() {
             rate: [Some(value); 3],
             ..Sample::default()
         });
-        let parts = |limit: f64, step: f64| sign * (limit / step * 256.0).round() as i16;
+        let parts =
+            |limit: f64, step: f64| sign * num::saturate_i16(num::round_i64(limit / step * 256.0));
         let accel = parts(accel.carry_limit, accel.fine_step);
         let rate = parts(rate.carry_limit, rate.fine_step);
         assert_eq!(packer.remainder(), [accel, accel, accel, rate, rate, rate]);
@@ -260,9 +261,9 @@ fn delta_v_errors(seed: u64) -> [f64; 3] {
     };
     let full = cut(packed(3, &samples, &GRID), &GRID);
     let (mut plain, mut thin) = (full.clone(), full.clone());
-    plain
-        .iter_mut()
-        .for_each(|block| block.remainder = [0; AXES]);
+    for block in &mut plain {
+        block.remainder = [0; AXES];
+    }
     thin_blocks(&mut thin, &[3003], &scales);
     assert!(thin[0].rate_hz == 20 && full.len() == 40);
     let wanted = sums(samples)[0] * 0.01;
