@@ -6,6 +6,9 @@ const FIRST: usize = 8;
 const CHANGED: u32 = 12;
 /// A signal silent for more than so many periods has a gap.
 const GAP_PERIODS: f64 = 3.0;
+/// ... and so many standard deviations of its receive times: a 1 kHz sensor's frames come some periods late without
+/// one being lost.
+const GAP_JITTERS: f64 = 6.0;
 
 impl Default for Pace {
     fn default() -> Self {
@@ -70,7 +73,7 @@ impl Pace {
     #[must_use]
     pub fn limit(&self) -> f64 {
         if self.period > 0.0 {
-            GAP_PERIODS * self.period
+            GAP_PERIODS * self.period + GAP_JITTERS * self.jitter()
         } else {
             f64::INFINITY
         }

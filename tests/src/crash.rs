@@ -57,6 +57,11 @@ pub fn draw(class: Class, seed: u64) -> Crash {
 
 /// Settings of a simulated crash with pieces of its configuration replaced.
 pub fn settings(simulated: &Simulated, changes: &[(&str, &str)]) -> Settings {
+    settings_with(simulated, &simulated.dbc(), changes)
+}
+
+/// The same with another DBC; `{dbc}` in a replacement is the name of its file.
+pub fn settings_with(simulated: &Simulated, dbc: &str, changes: &[(&str, &str)]) -> Settings {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = format!(
         "svartboks-{}-{}.dbc",
@@ -64,11 +69,11 @@ pub fn settings(simulated: &Simulated, changes: &[(&str, &str)]) -> Settings {
         COUNT.fetch_add(1, Ordering::Relaxed)
     );
     let path = std::env::temp_dir().join(&name);
-    std::fs::write(&path, simulated.dbc()).unwrap();
+    std::fs::write(&path, dbc).unwrap();
     let mut text = simulated.config(&name);
     for (from, to) in changes {
         assert!(text.contains(from), "the configuration has no `{from}`");
-        text = text.replace(from, to);
+        text = text.replace(from, &to.replace("{dbc}", &name));
     }
     let settings = Settings::from_toml_str(&text, &std::env::temp_dir()).unwrap();
     std::fs::remove_file(path).unwrap();

@@ -9,6 +9,8 @@ use crate::run::{Facts, seconds};
 const FAST_FRAME_NS: u64 = 1_050_000;
 /// Frames about as slow as the samples may be point samples, ns.
 const SLOW_FRAME_NS: u64 = 8_000_000;
+/// Two or three wheel frames lost in a row, which happens on any bus, are no gap, s.
+const SHORT_GAP_S: f64 = 0.1;
 /// A rest shorter than this levels badly, s.
 const SHORT_REST_S: f64 = 1.5;
 
@@ -191,7 +193,7 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
     }
 }
 
-/// Stretches without any wheel speed, longer than three of the wheels' periods, and the longest, s; none where no
+/// Stretches without any wheel speed, longer than three of the wheels' periods and [`SHORT_GAP_S`], and the longest, s; none where no
 /// wheel was heard at all.
 #[must_use]
 pub fn wheel_gaps(epochs: &Epochs) -> (usize, f64) {
@@ -205,7 +207,7 @@ pub fn wheel_gaps(epochs: &Epochs) -> (usize, f64) {
         }
         if let Some(last) = last {
             let silent_s = epoch.t_s - last;
-            if silent_s > 3.0 * period_s.max(epoch.dt) + epoch.dt {
+            if silent_s > (3.0 * period_s.max(epoch.dt) + 2.0 * epoch.dt).max(SHORT_GAP_S) {
                 gaps = (gaps.0 + 1, gaps.1.max(silent_s));
             }
         }
