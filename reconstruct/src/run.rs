@@ -229,7 +229,10 @@ pub fn from_epochs(
         clipped_samples: count(|e| e.clipped.iter().any(|c| *c != 0.0)),
         rest_pose: options.rest_pose,
         limits: Vec::new(),
-        gaps: missing > 0 || !facts.completion.complete || !rest.found(),
+        gaps: missing > 0
+            || limits::wheel_gaps(epochs).0 > 0
+            || !facts.completion.complete
+            || !rest.found(),
         states,
     };
     result.limits = limits::sentences(&result, epochs, &motion, facts);

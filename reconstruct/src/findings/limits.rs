@@ -150,6 +150,18 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
             samples(result.clipped_samples)
         ));
     }
+    let (count, longest_s) = wheel_gaps(epochs);
+    if count > 0 {
+        out.push(format!(
+            "The wheel speeds have {}, the longest of {longest_s:.2} s: there the path rests on the inertial \
+             sensors alone.",
+            if count == 1 {
+                "a gap".to_owned()
+            } else {
+                format!("{count} gaps")
+            }
+        ));
+    }
     let heard = epochs
         .list
         .iter()
@@ -177,6 +189,29 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
                 .to_owned(),
         );
     }
+}
+
+/// Stretches without any wheel speed, longer than three of the wheels' periods, and the longest, s; none where no
+/// wheel was heard at all.
+#[must_use]
+pub fn wheel_gaps(epochs: &Epochs) -> (usize, f64) {
+    let period = epochs.header.periods.wheels_ns.into_iter().max();
+    let period_s = schema::num::real_u64(period.unwrap_or(0)) * 1e-9;
+    let mut gaps = (0, 0.0_f64);
+    let mut last: Option<f64> = None;
+    for epoch in &epochs.list {
+        if epoch.wheels == [None, None] {
+            continue;
+        }
+        if let Some(last) = last {
+            let silent_s = epoch.t_s - last;
+            if silent_s > 3.0 * period_s.max(epoch.dt) + epoch.dt {
+                gaps = (gaps.0 + 1, gaps.1.max(silent_s));
+            }
+        }
+        last = Some(epoch.t_s);
+    }
+    gaps
 }
 
 /// A count of samples in words.
