@@ -214,20 +214,22 @@ fn two_minutes_back() {
     }
 }
 
+/// Columns of the rav4 truth.
+const RAV4_COLUMNS: [&str; 5] = [
+    "t_s",
+    "ref_n_m",
+    "ref_e_m",
+    "ref_speed_mps",
+    "ref_yaw_enu_rad",
+];
+
 /// The car's own bus: wheels by its public DBC, and a record that ends moving, with wide but honest bounds.
 #[test]
 fn a_real_bus_and_a_record_that_ends_moving() {
     let Some(text) = recordings::log("rav4") else {
         return;
     };
-    let columns = [
-        "t_s",
-        "ref_n_m",
-        "ref_e_m",
-        "ref_speed_mps",
-        "ref_yaw_enu_rad",
-    ];
-    let truth = recordings::table("rav4.truth.csv", &columns).unwrap();
+    let truth = recordings::table("rav4.truth.csv", &RAV4_COLUMNS).unwrap();
     for trigger in [45.0, 49.0, 58.0] {
         let replayed =
             pipeline::record(&recordings::settings("rav4", &[]), text.clone(), &[trigger]);

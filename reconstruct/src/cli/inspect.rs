@@ -176,6 +176,12 @@ fn header(out: &mut String, case: &Case<'_>) {
             range(h.imu.rate_range, 1.0_f64.to_degrees(), "deg/s")
         ),
     );
+    content(out, case);
+}
+
+/// What the record holds, whether it is whole, and what froze it.
+fn content(out: &mut String, case: &Case<'_>) {
+    let record = case.record;
     line(
         out,
         "samples",
