@@ -4,7 +4,8 @@
 
 mod support;
 
-use std::io::{Read, Write};
+use std::fmt::Write as _;
+use std::io::{Read, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -37,10 +38,8 @@ fn peak(minutes: i64) -> u64 {
         let mut text = String::with_capacity(minute.len());
         for line in minute.lines() {
             let (seconds, rest) = line[1..].split_once('.').unwrap();
-            text.push_str(&format!(
-                "({}.{rest}\n",
-                seconds.parse::<i64>().unwrap() + 60 * k
-            ));
+            let seconds = seconds.parse::<i64>().unwrap() + 60 * k;
+            writeln!(text, "({seconds}.{rest}").unwrap();
         }
         pipe.write_all(text.as_bytes()).unwrap();
     }

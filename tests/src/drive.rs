@@ -16,6 +16,9 @@ const LAID_M: (f64, f64) = (3.0, 30.0);
 /// A fix: seconds, north, east.
 pub type Fix = (f64, [f64; 2]);
 
+/// A fix with what the path says: time, the fix, the path's place, metres left, the state behind it.
+type Pair<'a> = (f64, [f64; 2], [f64; 2], f64, &'a State);
+
 /// The path at one fix.
 #[derive(Clone, Copy, Debug)]
 pub struct Miss {
@@ -82,8 +85,7 @@ pub fn score(result: &Reconstruction, fixes: &[Fix], zero_utc_s: i64) -> Score {
         .rest
         .t_s
         .map_or(times[times.len() - 1], |t| t + shift);
-    // At a fix: place, metres left, the state behind it.
-    let pairs: Vec<(f64, [f64; 2], [f64; 2], f64, &State)> = fixes
+    let pairs: Vec<Pair<'_>> = fixes
         .iter()
         .filter(|(t, _)| *t >= times[0] && *t <= rest)
         .filter_map(|(t, fix)| {
