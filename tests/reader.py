@@ -28,7 +28,7 @@ def need(true, what):
 
 class Bytes:
     """Takes values off a body: 'u16', '?u16', '3 f64', 'list X', 'str', 'sha', 'enum a b c', or [(field, type), ...]."""
-    NUMBERS = {"u8": "B", "i8": "b", "u16": "<H", "u32": "<I", "u64": "<Q", "i64": "<q", "f64": "<d"}
+    NUMBERS = {"u8": "B", "i8": "b", "u16": "<H", "i16": "<h", "u32": "<I", "u64": "<Q", "i64": "<q", "f64": "<d"}
 
     def __init__(self, data):
         self.data, self.at = data, 0
@@ -109,7 +109,7 @@ def physical(code, scale):
 
 def block(body, header):
     taken = Bytes(body)
-    out = taken.get([("first_index", "u64"), ("monotonic_ns", "i64"), ("count", "u16"), ("rate_hz", "u8")])
+    out = taken.get([("first_index", "u64"), ("monotonic_ns", "i64"), ("count", "u16"), ("rate_hz", "u8"), ("remainder", "6 i16")])
     start, *stamp = fields(taken.take(6), [9, 13, 4, 5, 5, 6, 6])
     year, month, day, hour, minute, second = stamp
     need(start == 0b101110000 and 1 <= month <= 12 and 1 <= day <= calendar.monthrange(year or 400, month)[1], "no stamp")
@@ -118,6 +118,11 @@ def block(body, header):
     out["stamp"] = stamp
     out["codes"] = [list(fields(taken.take(10), [10] * 8)) for _ in range(out.pop("count"))]
     out["values"] = [[physical(code, scale) for code, scale in zip(codes, scales)] for codes in out["codes"]]
+    for field, part in enumerate(out["remainder"], start=2):
+        present = [values for values in out["values"] if values[field] is not None]
+        need(present or part == 0, "remainder of an axis without values")
+        if present:
+            present[-1][field] += part * scales[field]["fine_step"] / 256
     need(taken.at == len(body) and 1 <= len(out["codes"]) <= out["rate_hz"] and out["rate_hz"] in (20, 100), "bad block")
     return out
 

@@ -201,7 +201,8 @@ impl Motion {
             k -= 1;
         }
         let dt = list[k].dt;
-        let size = [k, (k + 1).min(list.len() - 1)].map(|i| (self.accel[i] - base).xy().norm());
+        let size =
+            [k, k + 1, k + 2].map(|i| (self.accel[i.min(list.len() - 1)] - base).xy().norm());
         let onset_s = ramp(list[k].t_s - dt, dt, size);
         let before = k.saturating_sub(1);
         let (last, level) = self.tail(epochs, last, clear);
@@ -214,7 +215,8 @@ impl Motion {
                 ramp(
                     list[last].t_s,
                     -dt,
-                    [last, last.saturating_sub(1)].map(|i| (self.accel[i] - level).xy().norm()),
+                    [last, last.saturating_sub(1), last.saturating_sub(2)]
+                        .map(|i| (self.accel[i] - level).xy().norm()),
                 ),
             ),
         };
@@ -302,21 +304,21 @@ impl Motion {
 }
 
 /// Start of a ramp that begins within a bin: the bin's near edge `edge`, its length `dt` (negative: looking
-/// backwards in time) and how far the means of this bin and the next depart from the level.
-fn ramp(edge: f64, dt: f64, size: [f64; 2]) -> f64 {
-    // A ramp of slope s that starts at fraction u of this bin has a mean of s dt (1-u)^2 / 2 in it and of
-    // s dt (3/2 - u) in the next; their ratio gives u:
-    // (1-u)^2 = 2 ratio (3/2 - u)  =>  u^2 - 2 p u + (1 - 3 ratio) = 0 with p = 1 - ratio.
-    let ratio = if size[1] > 0.0 {
-        (size[0] / size[1]).min(1.0)
-    } else {
-        1.0
-    };
-    if ratio >= 1.0 / 3.0 {
+/// backwards in time) and how far the means of this bin and the next two depart from the level.
+///
+/// The next two together, because above 20 m/s^2 a stored sample is rounded to several m/s^2 and what it leaves
+/// is carried into the next: their sum is three times as exact as either.
+fn ramp(edge: f64, dt: f64, size: [f64; 3]) -> f64 {
+    // A ramp of slope s that starts at fraction u of this bin has a mean of s dt (1-u)^2 / 2 in it and the sum
+    // s dt (4 - 2u) in the next two; their ratio gives u:
+    // (1-u)^2 = 2 ratio (4 - 2u)  =>  u^2 - 2 p u + (1 - 8 ratio) = 0 with p = 1 - 2 ratio.
+    let rest = size[1] + size[2];
+    let ratio = if rest > 0.0 { size[0] / rest } else { 1.0 };
+    if ratio >= 0.125 {
         return edge;
     }
-    let p = 1.0 - ratio;
-    let root = (p * p - (1.0 - 3.0 * ratio)).max(0.0).sqrt();
+    let p = 1.0 - 2.0 * ratio;
+    let root = (p * p - (1.0 - 8.0 * ratio)).max(0.0).sqrt();
     edge + (p - root).clamp(0.0, 1.0) * dt
 }
 

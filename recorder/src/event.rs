@@ -9,7 +9,7 @@ use schema::parts::{
     AuxChannel, Completion, Gap, Health, RawFrame, SignalHealth, Trigger, TriggerKind,
 };
 use schema::time::Grid;
-use schema::{Codes, Record, Scales};
+use schema::{Packed, Record, Scales};
 
 use crate::bins::start_of;
 use crate::can::Frame;
@@ -152,7 +152,7 @@ impl Event {
             utc_offset_ns: self.offset_ns,
         };
         let mut blocks = cut(
-            self.tape.slots().map(|(index, slot)| (index, slot.codes)),
+            self.tape.slots().map(|(index, slot)| (index, slot.packed)),
             &grid,
         );
         self.triggers.sort_by_key(|fired| fired.monotonic_ns);
@@ -410,7 +410,7 @@ impl Ring {
             lost: [0; 2],
             clips: [None; 6],
         };
-        self.push(&closed, Codes::default());
+        self.push(&closed, Packed::default());
     }
 }
 

@@ -295,10 +295,10 @@ impl<'a> Pipeline<'a> {
         {
             self.packer.reset();
         }
-        let codes = self.packer.pack(&closed.sample);
-        self.ring.push(closed, codes);
+        let packed = self.packer.packed(&closed.sample);
+        self.ring.push(closed, packed);
         for event in &mut self.events {
-            event.tape.push(closed, codes);
+            event.tape.push(closed, packed);
         }
         while self
             .aux

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use schema::num;
 use schema::parts::{Clip, ClockStep, Gap};
-use schema::{Codes, Sample};
+use schema::{Packed, Sample};
 
 use crate::bins::{GROUPS, index_of, start_of};
 use crate::can::Frame;
@@ -20,8 +20,8 @@ pub const AUX_SPAN: u64 = 10;
 /// One packed sample with its frame counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Slot {
-    /// The codes.
-    pub codes: Codes,
+    /// The codes, and what they leave out.
+    pub packed: Packed,
     /// Frames of each group.
     pub frames: [u16; GROUPS],
     /// Lost frames: accel, rate.
@@ -76,7 +76,7 @@ impl Ring {
     }
 
     /// Adds the next sample. One that does not follow (time jumped) empties a ring; an event fills with missing.
-    pub fn push(&mut self, closed: &Closed, codes: Codes) {
+    pub fn push(&mut self, closed: &Closed, packed: Packed) {
         if self.slots.is_empty() {
             self.first = closed.index;
         } else if closed.index != self.end() && self.capacity.is_some() {
@@ -85,7 +85,7 @@ impl Ring {
         }
         while self.end() < closed.index {
             self.slots.push_back(Slot {
-                codes: Codes::default(),
+                packed: Packed::default(),
                 frames: [0; GROUPS],
                 lost: [0; 2],
             });
@@ -94,7 +94,7 @@ impl Ring {
             return;
         }
         self.slots.push_back(Slot {
-            codes,
+            packed,
             frames: closed.frames,
             lost: closed.lost,
         });

@@ -1,7 +1,7 @@
 //! Signals become one sample per 10 ms.
 //!
 //! **IMU.** Each frame stands for one sensor period, the one that ends at its place on the de-jittered
-//! [`Timeline`] (sample and hold). The signal is integrated over each bin with exact overlaps, so the sum of
+//! [`crate::timeline::Timeline`] (sample and hold). The signal is integrated over each bin with exact overlaps, so the sum of
 //! samples times 10 ms is the sum of frames times their periods. One lost frame (a gap of two periods) is
 //! bridged by the mean of its neighbours; where more are lost nothing is put in their place: a bin of which less
 //! than half is covered is missing, another is the mean over what is covered.

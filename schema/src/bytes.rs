@@ -6,7 +6,7 @@ use crate::error::{Fault, SchemaError};
 use crate::limits::{self, CLIP_BYTES, RAW_FRAME_BYTES};
 use crate::num;
 use crate::parts::{AuxChannel, Clip, RawFrame};
-use crate::sample::{Codes, SAMPLE_BYTES};
+use crate::sample::{AXES, Codes, SAMPLE_BYTES};
 use crate::time::Stamp;
 use crate::wire::{Cursor, length32, too_large};
 
@@ -20,6 +20,9 @@ pub(crate) fn put_block(out: &mut Vec<u8>, block: &Block) -> Result<(), SchemaEr
     out.extend(block.monotonic_ns.to_le_bytes());
     out.extend(count.to_le_bytes());
     out.push(block.rate_hz);
+    for part in block.remainder {
+        out.extend(part.to_le_bytes());
+    }
     out.extend(block.stamp.to_bytes());
     for codes in &block.samples {
         out.extend(codes.to_bytes());
@@ -33,6 +36,10 @@ pub(crate) fn block(place: &str, body: &[u8], at: usize) -> Result<Block, Schema
     let monotonic_ns = cursor.i64()?;
     let count = usize::from(cursor.u16()?);
     let rate_hz = cursor.u8()?;
+    let mut remainder = [0; AXES];
+    for part in &mut remainder {
+        *part = i16::from_le_bytes(cursor.array()?);
+    }
     let stamp: [u8; 6] = cursor.array()?;
     let stamp = Stamp::from_bytes(stamp).ok_or_else(|| {
         let expected = "the start sequence and a date and time";
@@ -46,6 +53,7 @@ pub(crate) fn block(place: &str, body: &[u8], at: usize) -> Result<Block, Schema
         rate_hz,
         first_index,
         monotonic_ns,
+        remainder,
         samples: samples.iter().map(Codes::from_bytes).collect(),
     })
 }

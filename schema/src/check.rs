@@ -137,6 +137,14 @@ pub(crate) fn block(block: &Block, header: &Header) -> Result<(), Fault> {
     if let Some(code) = block.samples.iter().find_map(|codes| beyond(&codes.0)) {
         return Err(Fault::new("samples", "codes of ten bits", code));
     }
+    let mut unplaced = block.remainder.iter().zip(block.last_present());
+    if let Some((part, _)) = unplaced.find(|(part, last)| **part != 0 && last.is_none()) {
+        return Err(Fault::new(
+            "remainder",
+            "0 on an axis that is missing throughout the block",
+            part,
+        ));
+    }
     if !block.stamp.is_valid() {
         return Err(Fault::new(
             "stamp",

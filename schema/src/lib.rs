@@ -39,7 +39,7 @@ pub(crate) mod wire;
 pub use block::Block;
 pub use error::SchemaError;
 pub use header::Header;
-pub use packer::{Packer, Thinner, unpack};
+pub use packer::{Packed, Packer, Thinner, unpack};
 pub use record::{GridSample, Record};
 pub use salvage::{Damage, Salvaged};
 pub use sample::{Codes, Sample};

@@ -27,8 +27,10 @@ pub const MAX_COMPLETION_BYTES: usize = 65_536;
 
 /// Bytes of one clipped bin.
 pub(crate) const CLIP_BYTES: usize = 14;
+/// Bytes of a second block's body before its stamp.
+pub(crate) const BEFORE_STAMP: usize = 31;
 /// Bytes of the largest second block's body.
-pub(crate) const MAX_BLOCK_BYTES: usize = 19 + 6 + 1000;
+pub(crate) const MAX_BLOCK_BYTES: usize = BEFORE_STAMP + 6 + 1000;
 
 // All parts at their bounds still make a file within its bound.
 const _: () = assert!(

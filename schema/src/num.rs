@@ -32,6 +32,12 @@ pub fn round_i64(x: f64) -> i64 {
     x.round() as i64
 }
 
+/// The nearest of 16 bits.
+#[must_use]
+pub fn saturate_i16(n: i64) -> i16 {
+    i16::try_from(n).unwrap_or(if n < 0 { i16::MIN } else { i16::MAX })
+}
+
 /// The integer part towards minus infinity, saturating; NaN gives 0.
 #[must_use]
 pub fn floor_i64(x: f64) -> i64 {

@@ -1,8 +1,22 @@
 //! From physical values to codes and back, with error feedback: what rounding leaves over is carried into
 //! the next sample of that axis, so that sums (delta-V, turned angle, distance) stay exact.
 
-use crate::sample::{Codes, FIELDS, MISSING, Sample};
+use crate::num;
+use crate::sample::{AXES, Codes, FIELDS, MISSING, Sample};
 use crate::scale::{Scales, TwoSlope, WheelScale};
+
+/// Parts of a fine step in which a block tells what its codes leave out.
+pub const REMAINDER_PARTS: f64 = 256.0;
+
+/// The codes of a sample, and what they leave out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Packed {
+    /// The codes.
+    pub codes: Codes,
+    /// How much more [`Packer::remainder`] is after this sample than before it, acceleration x, y, z, rate x, y,
+    /// z: value less stored value, so that sums over any run of samples can be made up. 0 where it is missing.
+    pub left: [i32; AXES],
+}
 
 /// Packs samples, carrying the rounding error of each axis into its next sample.
 ///
@@ -36,6 +50,30 @@ impl Packer {
     #[must_use]
     pub fn carry(&self) -> [f64; FIELDS] {
         self.carry
+    }
+
+    /// What is carried into the next sample, acceleration x, y, z, rate x, y, z, in 1/256 of the fine step of the
+    /// axis, rounded and saturating. The default scales carry at most 68.9 fine steps, which fits.
+    #[must_use]
+    pub fn remainder(&self) -> [i16; AXES] {
+        let [_, _, axes @ ..] = self.carry;
+        let [a, w] = [self.scales.accel.fine_step, self.scales.rate.fine_step];
+        let mut remainder = [0; AXES];
+        for ((part, carry), step) in remainder.iter_mut().zip(axes).zip([a, a, a, w, w, w]) {
+            *part = num::saturate_i16(num::round_i64(carry * REMAINDER_PARTS / step));
+        }
+        remainder
+    }
+
+    /// The codes of the next sample as [`Packer::pack`] gives them, and what they leave out.
+    pub fn packed(&mut self, sample: &Sample) -> Packed {
+        let before = self.remainder();
+        let codes = self.pack(sample);
+        let mut left = self.remainder().map(i32::from);
+        for (left, before) in left.iter_mut().zip(before) {
+            *left -= i32::from(before);
+        }
+        Packed { codes, left }
     }
 
     /// The codes of the next sample. NaN is missing; infinities saturate.
@@ -83,7 +121,8 @@ fn leftover(wanted: f64, stored: Option<f64>, limit: f64) -> f64 {
     left.max(-limit.abs()).min(limit.abs())
 }
 
-/// The physical values of a sample's codes.
+/// The physical values of a sample's codes. Those of a whole block are [`crate::Block::values`], which also makes up
+/// for what the codes leave out.
 #[must_use]
 pub fn unpack(codes: &Codes, scales: &Scales) -> Sample {
     let [wl, wr, ax, ay, az, wx, wy, wz] = codes.0;
@@ -113,6 +152,12 @@ impl Thinner {
     /// Forgets what is carried, at the start of each block.
     pub fn reset(&mut self) {
         self.packer.reset();
+    }
+
+    /// What is carried into the next sample: see [`Packer::remainder`].
+    #[must_use]
+    pub fn remainder(&self) -> [i16; AXES] {
+        self.packer.remainder()
     }
 
     /// The mean, field by field, of those of the five samples that have it; missing if none has.

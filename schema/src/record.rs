@@ -14,7 +14,7 @@ use crate::limits;
 use crate::num;
 use crate::parts::{AuxChannel, Clip, Completion, Health, RawFrame, Trigger};
 use crate::sample::Sample;
-use crate::scale::{Scales, unpack};
+use crate::scale::Scales;
 use crate::seal::{Seal, UNSIGNED};
 use crate::time::Grid;
 use crate::wire;
@@ -124,17 +124,18 @@ impl Record {
         self.header.scales()
     }
 
-    /// Every stored sample in grid order, as physical values. Missing fields are `None`; bins of which
+    /// Every stored sample in grid order, as physical values, with each block's remainder where it belongs
+    /// ([`Block::values`]). Missing fields are `None`; bins of which
     /// nothing was stored show as [`GridSample::gap_before`].
     pub fn samples(&self) -> impl Iterator<Item = GridSample> + '_ {
         let scales = self.scales();
         let mut next = self.first_index();
-        let stored = self.blocks.iter().flat_map(|block| {
+        let stored = self.blocks.iter().flat_map(move |block| {
             let place = move |number: usize| block.first_index + num::u64_of(number) * block.span();
-            let samples = block.samples.iter().enumerate();
-            samples.map(move |(number, codes)| (block, place(number), codes))
+            let values = block.values(&scales).enumerate();
+            values.map(move |(number, sample)| (block, place(number), sample))
         });
-        stored.map(move |(block, index, codes)| {
+        stored.map(move |(block, index, sample)| {
             let gap_before = index.saturating_sub(next);
             next = index.saturating_add(block.span());
             GridSample {
@@ -142,7 +143,7 @@ impl Record {
                 rate_hz: block.rate_hz,
                 span: block.span(),
                 gap_before,
-                sample: unpack(codes, &scales),
+                sample,
             }
         })
     }

@@ -9,7 +9,7 @@ use std::fmt;
 use crate::block::FULL_HZ;
 use crate::error::SchemaError;
 use crate::frame::{self, Head};
-use crate::limits;
+use crate::limits::{self, BEFORE_STAMP};
 use crate::num;
 use crate::read::{self, Assembly};
 use crate::record::Record;
@@ -21,8 +21,8 @@ use crate::wire::too_large;
 /// Damages that are listed one by one; what is beyond is counted.
 pub const MAX_DAMAGES: usize = 1_000;
 
-/// Bytes of a block's body before its stamp.
-const BEFORE_STAMP: usize = 19;
+/// Where a block's body holds the number of its samples.
+const COUNT_AT: usize = 16;
 
 /// What a damaged record still gives.
 #[derive(Debug)]
@@ -292,7 +292,8 @@ impl<'a> Search<'a> {
             .checked_sub(BEFORE_STAMP)
             .filter(|&body_at| body_at >= from)?;
         let at = body_at.checked_sub(frame::HEAD_BYTES)?;
-        let count = u16::from_le_bytes(*self.file.get(stamp_at - 3..stamp_at - 1)?.as_array()?);
+        let count_at = body_at + COUNT_AT;
+        let count = u16::from_le_bytes(*self.file.get(count_at..count_at + 2)?.as_array()?);
         if count > u16::from(FULL_HZ) {
             return None;
         }

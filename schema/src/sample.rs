@@ -2,6 +2,10 @@
 
 /// Fields of a sample [S03, table 3.1].
 pub const FIELDS: usize = 8;
+/// The wheels, the first of the fields.
+pub const WHEELS: usize = 2;
+/// The axes, the fields behind the wheels: acceleration x, y, z, rate x, y, z.
+pub const AXES: usize = FIELDS - WHEELS;
 /// Bits of one field.
 pub const FIELD_BITS: usize = 10;
 /// Bytes of a packed sample.

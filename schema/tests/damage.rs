@@ -78,7 +78,7 @@ fn a_damaged_block_costs_that_block() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let mut file = sound.to_bytes().unwrap();
     let first = find(&file, *b"SECS");
-    let block = 12 + 19 + 1006 + 4;
+    let block = 12 + 31 + 1006 + 4;
     file[first + 4 * block + 500] ^= 1;
     let salvaged = Record::salvage(&file).unwrap();
     assert_eq!(salvaged.damage.len(), 1);
@@ -134,7 +134,7 @@ fn a_cut_file_gives_the_blocks_before_the_cut() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let file = sound.to_bytes().unwrap();
     let first = find(&file, *b"SECS");
-    let salvaged = Record::salvage(&file[..first + 3 * 1041 + 700]).unwrap();
+    let salvaged = Record::salvage(&file[..first + 3 * 1053 + 700]).unwrap();
     assert_eq!(salvaged.record.blocks, sound.blocks[..3]);
     assert_eq!(salvaged.seal, SealState::Missing);
     assert!(!salvaged.record.completion.complete);
@@ -146,7 +146,7 @@ fn a_cut_file_gives_the_blocks_before_the_cut() {
 fn lost_and_added_bytes_cost_what_they_hit() {
     let sound = record(Layout::Full, 3, 1003, 500);
     let file = sound.to_bytes().unwrap();
-    let at = find(&file, *b"SECS") + 5 * 1041 + 300;
+    let at = find(&file, *b"SECS") + 5 * 1053 + 300;
     let mut left = sound;
     left.blocks.remove(5);
     for damaged in [

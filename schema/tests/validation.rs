@@ -4,6 +4,7 @@
 mod support;
 
 use schema::header::{Layout, Origin};
+use schema::sample::MISSING;
 use schema::{Codes, Record, SchemaError};
 use support::{record, small};
 
@@ -66,6 +67,15 @@ fn blocks_that_do_not_fit_the_grid_are_refused() {
         r.blocks[1].samples.resize(101, Codes::default());
     });
     refused("codes of ten bits", |r| r.blocks[0].samples[0].0[3] = 1024);
+    for axis in 0..6 {
+        refused("remainder", |r| {
+            for codes in &mut r.blocks[1].samples {
+                codes.0[2 + axis] = MISSING;
+            }
+            r.blocks[1].remainder = [0; 6];
+            r.blocks[1].remainder[axis] = -1;
+        });
+    }
     refused("100 Hz in the full layout", |r| r.blocks[0].rate_hz = 20);
     refused("100 or 20 Hz", |r| {
         r.header.layout = Layout::TwoRate;

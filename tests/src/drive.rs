@@ -6,6 +6,9 @@ use schema::num;
 
 use crate::recordings::share;
 
+/// At a fix: time, its place, ours, metres left to the rest, the state behind it.
+type AtFix<'a> = (f64, [f64; 2], [f64; 2], f64, &'a State);
+
 /// Noise of a fix, one sigma per axis, m.
 const FIX_SD: f64 = 0.1;
 /// Squared radius of the 95 % ellipse (chi-square, 2 degrees).
@@ -15,9 +18,6 @@ const LAID_M: (f64, f64) = (3.0, 30.0);
 
 /// A fix: seconds, north, east.
 pub type Fix = (f64, [f64; 2]);
-
-/// A fix with what the path says: time, the fix, the path's place, metres left, the state behind it.
-type Pair<'a> = (f64, [f64; 2], [f64; 2], f64, &'a State);
 
 /// The path at one fix.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +85,7 @@ pub fn score(result: &Reconstruction, fixes: &[Fix], zero_utc_s: i64) -> Score {
         .rest
         .t_s
         .map_or(times[times.len() - 1], |t| t + shift);
-    let pairs: Vec<Pair<'_>> = fixes
+    let pairs: Vec<AtFix<'_>> = fixes
         .iter()
         .filter(|(t, _)| *t >= times[0] && *t <= rest)
         .filter_map(|(t, fix)| {

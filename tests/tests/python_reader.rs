@@ -43,14 +43,14 @@ fn expected(file: &[u8]) -> Value {
         ]
         .map(u16::from);
         let stamp = [&[stamp.year][..], &small].concat();
-        let values = |codes| schema::unpack(codes, &scales).fields();
         json!({
             "first_index": block.first_index,
             "monotonic_ns": block.monotonic_ns,
             "rate_hz": block.rate_hz,
             "stamp": stamp,
             "codes": block.samples.iter().map(|codes| codes.0).collect::<Vec<_>>(),
-            "values": block.samples.iter().map(values).collect::<Vec<_>>(),
+            "remainder": block.remainder,
+            "values": block.values(&scales).map(|sample| sample.fields()).collect::<Vec<_>>(),
         })
     };
     let mut raw = serde_json::to_value(&record.raw).unwrap();

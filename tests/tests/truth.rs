@@ -11,6 +11,8 @@
 
 mod chain;
 
+use std::fmt::Write as _;
+
 use chain::{Case, Score, median, score};
 use reconstruct::run::Options;
 use reconstruct::simulate::Class;
@@ -72,9 +74,11 @@ fn show(name: &str, scores: &[Score]) {
         let half = share(scores, |s| s.at[i].inside(0.50)) * 100.0;
         let axis = median(scores.iter().map(|s| s.at[i].semi_axis_95));
         let nees = scores.iter().map(|s| s.at[i].nees / 2.0).sum::<f64>() / real(scores.len());
-        line += &format!(
+        write!(
+            line,
             " | -{back} s: {error:.2} %, in 95 %: {inside:.0}, in 50 %: {half:.0}, NEES/2 {nees:.2}, axis {axis:.2} m"
-        );
+        )
+        .unwrap();
     }
     let impact = median(scores.iter().filter_map(|s| s.impact_speed_error));
     let inside = share(scores, |s| s.impact_speed_inside) * 100.0;

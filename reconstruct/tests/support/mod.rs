@@ -47,7 +47,7 @@ pub(crate) fn record(simulated: &Simulated) -> Record {
             if grid.starts_second(index) {
                 packer.reset();
             }
-            (index, packer.pack(sample))
+            (index, packer.packed(sample))
         })
         .collect();
     let signal = |name: &str, frames, period_ns| SignalHealth {

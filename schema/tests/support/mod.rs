@@ -14,7 +14,7 @@ use schema::parts::{
     TriggerKind,
 };
 use schema::time::Grid;
-use schema::{Codes, Packer, Record, Sample, Scales};
+use schema::{Packed, Packer, Record, Sample, Scales};
 
 /// 2026-03-14T15:09:26Z at the monotonic time 5 s.
 pub(crate) const CLOCK_OFFSET_NS: i64 = (1_773_500_966 - 5) * 1_000_000_000;
@@ -114,8 +114,8 @@ pub(crate) fn sample(k: u64) -> Sample {
     }
 }
 
-/// The codes of samples `from..to`, packed as the recorder does.
-pub(crate) fn codes(from: u64, to: u64) -> Vec<(u64, Codes)> {
+/// Samples `from..to`, packed as the recorder does.
+pub(crate) fn packed(from: u64, to: u64) -> Vec<(u64, Packed)> {
     let Scales { wheel, accel, rate } = Scales::default();
     let mut packer = Packer::new(wheel, accel, rate);
     (from..to)
@@ -123,7 +123,7 @@ pub(crate) fn codes(from: u64, to: u64) -> Vec<(u64, Codes)> {
             if GRID.starts_second(k) {
                 packer.reset();
             }
-            (k, packer.pack(&sample(k)))
+            (k, packer.packed(&sample(k)))
         })
         .collect()
 }
@@ -131,7 +131,7 @@ pub(crate) fn codes(from: u64, to: u64) -> Vec<(u64, Codes)> {
 /// A record of samples `from..to` with one trigger at index `trigger` and every part in use.
 pub(crate) fn record(layout: Layout, from: u64, to: u64, trigger: u64) -> Record {
     let header = header(layout);
-    let mut blocks = cut(codes(from, to), &GRID);
+    let mut blocks = cut(packed(from, to), &GRID);
     if layout == Layout::TwoRate {
         thin_blocks(&mut blocks, &[trigger], &header.scales());
     }

@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each user of this support takes its own share")]
 
 use rand::{Rng, RngExt};
-use schema::{Record, SealState};
+use schema::{Record, SealState, unpack};
 use sha2::{Digest, Sha256};
 
 const MAGIC: &[u8] = b"\x89SVB\r\n\x1a\n";
@@ -111,6 +111,46 @@ fn change(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     }
 }
 
+/// Gives one axis of a second block another remainder.
+fn remainder(body: &mut [u8], rng: &mut impl Rng) {
+    let at = 19 + 2 * rng.random_range(0..6);
+    let part = match rng.random_range(0..4) {
+        0 => i16::MIN,
+        1 => i16::MAX,
+        _ => rng.random(),
+    };
+    if let Some(bytes) = body.get_mut(at..at + 2) {
+        bytes.copy_from_slice(&part.to_le_bytes());
+    }
+}
+
+/// The remainder changes the last present value of its axis and no other, and stands on no axis without one.
+fn remainders_are_placed(record: &Record) {
+    let scales = record.scales();
+    for block in &record.blocks {
+        let mut left = block.remainder;
+        let values: Vec<_> = block.values(&scales).collect();
+        assert_eq!(values.len(), block.samples.len());
+        for (codes, values) in block.samples.iter().zip(&values).rev() {
+            let stored = unpack(codes, &scales).fields();
+            for (field, (stored, value)) in stored.iter().zip(values.fields()).enumerate() {
+                assert_eq!(stored.is_some(), value.is_some());
+                let (Some(stored), Some(value)) = (stored, value) else {
+                    continue;
+                };
+                let scale = [scales.accel, scales.rate][usize::from(field >= 5)];
+                let part = match field.checked_sub(2) {
+                    Some(axis) => std::mem::take(&mut left[axis]),
+                    None => 0,
+                };
+                let wanted = stored + f64::from(part) * scale.fine_step / 256.0;
+                assert_eq!(wanted.to_bits(), value.to_bits());
+            }
+        }
+        assert_eq!(left, [0; 6]);
+    }
+}
+
 /// One mutated file of a sound one.
 pub(crate) fn mutate(structures: &[Structure], signed: bool, rng: &mut impl Rng) -> Vec<u8> {
     let mut structures = structures.to_vec();
@@ -129,6 +169,7 @@ pub(crate) fn mutate(structures: &[Structure], signed: bool, rng: &mut impl Rng)
                 let other = structures[rng.random_range(0..structures.len())].1.clone();
                 structures[at].1.extend(other);
             }
+            5 if structures[at].0 == *b"SECS" => remainder(&mut structures[at].1, rng),
             _ => change(&mut structures[at].1, rng),
         }
         if structures.is_empty() {
@@ -186,6 +227,7 @@ pub(crate) fn drive(file: &[u8]) -> Outcome {
                 .iter()
                 .all(|damage| !damage.to_string().is_empty())
         );
+        remainders_are_placed(record);
         let mut next = record.first_index();
         for sample in record.samples() {
             assert_eq!(sample.index, next + sample.gap_before);
