@@ -8,6 +8,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -134,9 +135,11 @@ fn reconstruction_gives_the_expected_figures() {
             let (value, tolerance) = (pair[0].as_f64().unwrap(), pair[1].as_f64().unwrap());
             let found = summary.pointer(figure).and_then(Value::as_f64);
             if found.is_none_or(|found| (found - value).abs() > tolerance) {
-                wrong.push_str(&format!(
-                    "{figure}: expected {value} +- {tolerance}, found {found:?}\n"
-                ));
+                writeln!(
+                    wrong,
+                    "{figure}: expected {value} +- {tolerance}, found {found:?}"
+                )
+                .unwrap();
             }
         }
         assert!(wrong.is_empty(), "{name}:\n{wrong}");

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -131,7 +132,7 @@ fn lines(wrong: impl Fn(&str, &str) -> Option<String>) -> String {
     for (name, text) in texts() {
         for (number, line) in text.lines().enumerate() {
             if let Some(what) = wrong(&name, line) {
-                found.push_str(&format!("{name}:{}: {what}\n", number + 1));
+                writeln!(found, "{name}:{}: {what}", number + 1).unwrap();
             }
         }
     }

@@ -6,7 +6,7 @@ use support::{pipeline, recordings};
 
 use reconstruct::findings::Reconstruction;
 use reconstruct::trajectory::State;
-use schema::num;
+use schema::{Record, num};
 
 const ZERO: i64 = 1_700_000_000;
 
@@ -214,14 +214,18 @@ fn two_minutes_back() {
     }
 }
 
-/// Columns of the rav4 truth.
-const RAV4_COLUMNS: [&str; 5] = [
-    "t_s",
-    "ref_n_m",
-    "ref_e_m",
-    "ref_speed_mps",
-    "ref_yaw_enu_rad",
-];
+/// Mean wheel speed over the reference speed, wherever both wheels were heard.
+fn wheel_ratios(record: &Record, truth: &[Vec<f64>], utc_s: impl Fn(i64) -> f64) -> Vec<f64> {
+    let ratio = |index: u64, wheels: [Option<f64>; 2]| {
+        let (left, right) = wheels[0].zip(wheels[1])?;
+        let t = utc_s(record.monotonic_ns(index));
+        Some(f64::midpoint(left, right) / recordings::at(truth, t, 3)?)
+    };
+    record
+        .samples()
+        .filter_map(|sample| ratio(sample.index, sample.sample.wheels))
+        .collect()
+}
 
 /// The car's own bus: wheels by its public DBC, and a record that ends moving, with wide but honest bounds.
 #[test]
@@ -229,7 +233,14 @@ fn a_real_bus_and_a_record_that_ends_moving() {
     let Some(text) = recordings::log("rav4") else {
         return;
     };
-    let truth = recordings::table("rav4.truth.csv", &RAV4_COLUMNS).unwrap();
+    let columns = [
+        "t_s",
+        "ref_n_m",
+        "ref_e_m",
+        "ref_speed_mps",
+        "ref_yaw_enu_rad",
+    ];
+    let truth = recordings::table("rav4.truth.csv", &columns).unwrap();
     for trigger in [45.0, 49.0, 58.0] {
         let replayed =
             pipeline::record(&recordings::settings("rav4", &[]), text.clone(), &[trigger]);
@@ -245,14 +256,7 @@ fn a_real_bus_and_a_record_that_ends_moving() {
             num::real_i64(monotonic + record.header.clock.offset_ns - 1_533_224_087_000_000_000)
                 * 1e-9
         };
-        let ratios: Vec<f64> = record
-            .samples()
-            .filter_map(|sample| {
-                let (left, right) = sample.sample.wheels[0].zip(sample.sample.wheels[1])?;
-                let t = utc_s(record.monotonic_ns(sample.index));
-                Some(f64::midpoint(left, right) / recordings::at(&truth, t, 3)?)
-            })
-            .collect();
+        let ratios = wheel_ratios(record, &truth, utc_s);
         let ratio = recordings::median(&ratios);
         assert!(
             ratios.len() > 1000 && (ratio - 1.0).abs() < 0.015,
