@@ -20,6 +20,7 @@ pub mod report;
 pub mod rest;
 pub mod road;
 pub mod run;
+mod series;
 pub mod simulate;
 pub mod start;
 pub mod stats;

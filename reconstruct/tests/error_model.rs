@@ -3,6 +3,7 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
+    clippy::float_cmp,
     reason = "a test fails by panicking"
 )]
 
@@ -31,7 +32,7 @@ fn belief() -> Nine {
     // Any positive definite joint covariance with a diagonal considered block.
     let n = STATES + CONSIDERED;
     let a = DMatrix::from_fn(n, n, |i, j| {
-        ((i * 31 + j * 17 + 3) as f64).sin() * 0.1 + if i == j { 1.0 } else { 0.0 }
+        schema::num::real(i * 31 + j * 17 + 3).sin() * 0.1 + if i == j { 1.0 } else { 0.0 }
     });
     let mut p = &a * a.transpose();
     for i in STATES..n {

@@ -112,7 +112,6 @@ fn as_text(case: &Case<'_>, args: &Args) -> String {
 
 fn header(out: &mut String, case: &Case<'_>) {
     let h = &case.record.header;
-    let record = case.record;
     line(
         out,
         "record",

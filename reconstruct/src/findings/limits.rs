@@ -193,7 +193,7 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
     }
 }
 
-/// Stretches without any wheel speed, longer than three of the wheels' periods and [`SHORT_GAP_S`], and the longest, s; none where no
+/// Stretches without any wheel speed, longer than three of the wheels' periods and a tenth of a second, and the longest, s; none where no
 /// wheel was heard at all.
 #[must_use]
 pub fn wheel_gaps(epochs: &Epochs) -> (usize, f64) {
