@@ -272,7 +272,8 @@ impl Runner<'_> {
             }
             self.use_of_wheels.refused_innovation += 1;
             self.refused_in_row += 1;
-            if self.refused_in_row > tuning.patience {
+            // After an impact a wheel that disagrees may be bent or spin freely: it is never forced in.
+            if self.refused_in_row > tuning.patience && !self.setup.motion.after_impact[k] {
                 let wide = NineScalar {
                     r: z.r + z.residual * z.residual,
                     ..z

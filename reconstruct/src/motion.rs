@@ -41,6 +41,8 @@ const SETTLE_IMPACT_S: f64 = 1.0;
 /// Lateral acceleration (250 ms mean, m/s^2) and yaw rate (rad/s) of a car that no longer simply rolls.
 const LATERAL: f64 = 6.0;
 const SPIN: f64 = 1.0;
+/// Share of gravity along body z below which a car does not stand on its wheels: they turn freely.
+const UPRIGHT: f64 = 0.5;
 /// Specific force of a car in the air, m/s^2.
 const AIRBORNE: f64 = 3.0;
 
@@ -97,6 +99,7 @@ impl Motion {
         let n = epochs.list.len();
         let mut accel = vec![Vector3::zeros(); n];
         let mut rate = vec![Vector3::zeros(); n];
+        let mut rolled = vec![false; n];
         let mut c: Rot<Nav, Body> = start.nav.c_nb;
         for (k, epoch) in reversed.iter() {
             let w = Vec3::<Body>::from(epoch.rate - start.rate_bias);
@@ -109,6 +112,7 @@ impl Motion {
                 accel[k] = free_of_gravity(&(epoch.accel - start.accel_bias), &c, gravity);
             }
             rate[k] = w.v;
+            rolled[k] = c.m[(2, 2)] < UPRIGHT;
         }
         let smooth = centred_mean(epochs, &accel, 0.25);
         let mut motion = Self {
@@ -120,7 +124,7 @@ impl Motion {
             after_impact: vec![false; n],
         };
         motion.impacts = motion.find_impacts(epochs, triggers);
-        motion.mark_wheels(epochs);
+        motion.mark_wheels(epochs, &rolled);
         motion
     }
 
@@ -272,7 +276,7 @@ impl Motion {
         (tail, level)
     }
 
-    fn mark_wheels(&mut self, epochs: &Epochs) {
+    fn mark_wheels(&mut self, epochs: &Epochs, rolled: &[bool]) {
         let list = &epochs.list;
         let n = list.len();
         let mut mark = |centre: usize, before: f64, after: f64| {
@@ -291,6 +295,7 @@ impl Motion {
                 || self.rate[k].z.abs() > SPIN
                 || sliding
                 || airborne
+                || rolled[k]
             {
                 mark(k, SLIP_LEAD_S, SETTLE_S);
             }
