@@ -102,7 +102,7 @@ fn main() {
             road: Some(&road),
             tuning: Tuning::default(),
         };
-        black_box(filter::run(&setup));
+        black_box(filter::run(&setup).unwrap());
         ours.push(begin.elapsed().as_secs_f64() / 4000.0);
     }
     let (floor, ours) = (median(&mut floor), median(&mut ours));

@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::constraint::{self, Geometry, WheelReading};
 use crate::epochs::{Epoch, Reversed};
+use crate::error::ReconstructError;
 use crate::error_model::{
     ATT, BA, Nine, NineScalar, Noise, POS, SA, STATES, VEL, predict_backward,
 };
@@ -113,11 +114,15 @@ struct Runner<'a> {
     since_slip_s: f64,
     since_road_m: f64,
     hold_off_t: f64,
+    /// An innovation variance that is not a positive number: the pass ends there and says so.
+    not_positive: Option<f64>,
 }
 
 /// Runs the nine-state filter backwards over all epochs.
-#[must_use]
-pub fn run(setup: &Setup<'_>) -> Pass {
+///
+/// # Errors
+/// [`ReconstructError::Innovation`] where an innovation variance is not a positive number.
+pub fn run(setup: &Setup<'_>) -> Result<Pass, ReconstructError> {
     let epochs = setup.reversed.forward();
     let hold_off = setup.road.map_or(4.0, |r| r.hold_off_s);
     let mut runner = Runner {
@@ -134,20 +139,27 @@ pub fn run(setup: &Setup<'_>) -> Pass {
             .impacts
             .first()
             .map_or(f64::INFINITY, |p| p.onset_s - hold_off),
+        not_positive: None,
     };
     let mut snapshots: Vec<Snapshot> = Vec::with_capacity(epochs.list.len());
     for (k, epoch) in setup.reversed.iter() {
         let used = k <= setup.start.k && runner.measure(k, epoch);
+        if let Some(found) = runner.not_positive {
+            return Err(ReconstructError::Innovation {
+                index: epoch.index,
+                found,
+            });
+        }
         snapshots.push(runner.snapshot(epoch, used));
         if k <= setup.start.k {
             runner.step(k, epoch);
         }
     }
     snapshots.reverse();
-    Pass {
+    Ok(Pass {
         snapshots,
         wheels: runner.use_of_wheels,
-    }
+    })
 }
 
 impl Runner<'_> {
@@ -328,6 +340,10 @@ impl Runner<'_> {
 
     fn apply(&mut self, z: &NineScalar, gate: f64) -> bool {
         let Some(x) = self.belief.update(z, gate) else {
+            let s = self.belief.innovation_variance(z);
+            if !(s > 0.0 && s.is_finite()) {
+                self.not_positive = Some(s);
+            }
             return false;
         };
         self.nav = corrected(&self.nav, &x);

@@ -269,7 +269,7 @@ fn run_models(
                 &setup.earth,
             )),
             Model::NineState => {
-                let pass = filter::run(setup);
+                let pass = filter::run(setup)?;
                 if asked == Model::NineState {
                     wheels = pass.wheels;
                 }

@@ -7,6 +7,7 @@
     reason = "a test fails by panicking and prints what it measured"
 )]
 
+use reconstruct::ReconstructError;
 use reconstruct::epochs::Epochs;
 use reconstruct::findings::Reconstruction;
 use reconstruct::run::{Facts, Model, Options, Road, from_epochs};
@@ -15,16 +16,18 @@ use schema::Sample;
 use schema::num::round_usize;
 use schema::parts::Completion;
 
-/// Samples from 30 s before the event to the end, without a recorder between.
-fn run(simulated: &Simulated, options: &Options) -> Reconstruction {
-    let samples = simulated.samples();
-    let from = round_usize((simulated.truth.facts.trigger_at_s - 30.0).max(0.01) * 100.0);
-    let list: Vec<(u64, u8, Sample)> = (from..samples.len())
-        .map(|k| (schema::num::u64_of(k), 100, samples[k]))
+/// Epochs of the samples from `from` on, without a recorder between.
+fn epochs(simulated: &Simulated, from: usize, samples: &[Sample]) -> Epochs {
+    let list: Vec<(u64, u8, Sample)> = samples
+        .iter()
+        .zip(schema::num::u64_of(from)..)
+        .map(|(sample, index)| (index, 100, *sample))
         .collect();
     let start_s = (schema::num::real(from) - 1.0) * 0.01;
-    let header = simulated.scenario.header();
-    let epochs = Epochs::from_samples(header, &list, start_s, &[]).unwrap();
+    Epochs::from_samples(simulated.scenario.header(), &list, start_s, &[]).unwrap()
+}
+
+fn try_run(epochs: &Epochs, options: &Options) -> Result<Reconstruction, ReconstructError> {
     let completion = Completion {
         complete: true,
         reasons: Vec::new(),
@@ -35,7 +38,14 @@ fn run(simulated: &Simulated, options: &Options) -> Reconstruction {
         completion: &completion,
         utc_zero_ns: None,
     };
-    from_epochs(&epochs, &facts, options).unwrap()
+    from_epochs(epochs, &facts, options)
+}
+
+/// From 30 s before the event to the end.
+fn run(simulated: &Simulated, options: &Options) -> Reconstruction {
+    let samples = simulated.samples();
+    let from = round_usize((simulated.truth.facts.trigger_at_s - 30.0).max(0.01) * 100.0);
+    try_run(&epochs(simulated, from, &samples[from..]), options).unwrap()
 }
 
 /// Backward from rest with perfect sensors: 0.02 m/s at the impact, in every class with a spin and a pulse.
@@ -170,25 +180,22 @@ fn confidence_scales_every_bound() {
             confidence,
             ..Options::default()
         };
-        let header = simulated.scenario.header();
-        let list: Vec<(u64, u8, Sample)> = simulated
-            .samples()
-            .into_iter()
-            .take(500)
-            .zip(0..)
-            .map(|(s, k)| (k, 100, s))
-            .collect();
-        let epochs = Epochs::from_samples(header, &list, 0.0, &[]).unwrap();
-        let completion = Completion {
-            complete: true,
-            reasons: Vec::new(),
-            ends_at_rest: true,
-        };
-        let facts = Facts {
-            triggers: &[],
-            completion: &completion,
-            utc_zero_ns: None,
-        };
-        assert!(from_epochs(&epochs, &facts, &options).is_err());
+        let epochs = epochs(&simulated, 0, &simulated.samples()[..500]);
+        assert!(try_run(&epochs, &options).is_err());
     }
+}
+
+/// A covariance that is none ends the pass with the sample's index; it is not worked around.
+#[test]
+fn numerical_failure_is_reported() {
+    let simulated = simulate(&Scenario::draw(Class::Drive, 3400)).unwrap();
+    let samples = simulated.samples();
+    let mut epochs = epochs(&simulated, 1000, &samples[1000..]);
+    epochs.header.wheels.noise_mps = f64::NAN;
+    let failure = try_run(&epochs, &Options::default());
+    assert!(
+        matches!(failure, Err(ReconstructError::Innovation { .. })),
+        "{:?}",
+        failure.map(|r| r.distance_m)
+    );
 }
