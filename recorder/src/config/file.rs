@@ -41,6 +41,11 @@ pub struct Config {
     pub(crate) raw: Raw,
     #[serde(default)]
     pub(crate) store: Store,
+    #[serde(default)]
+    pub(crate) spool: Spool,
+    #[serde(default)]
+    pub(crate) run: Run,
+    pub(crate) serial: Option<Serial>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -48,6 +53,7 @@ pub struct Config {
 pub(crate) struct Device {
     #[serde(default)]
     pub(crate) id: String,
+    pub(crate) key: Option<String>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -265,6 +271,7 @@ impl Default for Raw {
 pub(crate) struct Store {
     pub(crate) dir: String,
     pub(crate) keep: u32,
+    pub(crate) encrypt_to: Option<String>,
 }
 
 impl Default for Store {
@@ -272,8 +279,66 @@ impl Default for Store {
         Self {
             dir: "records".to_owned(),
             keep: 5,
+            encrypt_to: None,
         }
     }
+}
+
+/// The ring on disk.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Spool {
+    pub(crate) enabled: bool,
+    pub(crate) file: Option<String>,
+    pub(crate) loss_ms: f64,
+    pub(crate) flush_ms: Option<f64>,
+}
+
+impl Default for Spool {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            file: None,
+            loss_ms: 100.0,
+            flush_ms: None,
+        }
+    }
+}
+
+/// The daemon.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Run {
+    pub(crate) socket: Option<String>,
+    pub(crate) realtime_priority: u8,
+    pub(crate) lock_memory: bool,
+    pub(crate) self_test_minutes: f64,
+    pub(crate) receive_buffer_kib: u32,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self {
+            socket: None,
+            realtime_priority: 0,
+            lock_memory: false,
+            self_test_minutes: 60.0,
+            receive_buffer_kib: 16 * 1024,
+        }
+    }
+}
+
+/// The read-out over a serial line.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Serial {
+    pub(crate) token: String,
+    #[serde(default = "baud")]
+    pub(crate) baud: u32,
+}
+
+fn baud() -> u32 {
+    115_200
 }
 
 impl Config {

@@ -5,12 +5,14 @@ mod file;
 mod locate;
 mod mapping;
 mod names;
+mod operation;
 mod settings;
 mod units;
 
 pub use file::Config;
 pub use locate::{Place, nearest};
-pub use settings::{Bus, CanTrigger, Condition, Raw, RawFrames, Ring, Settings, Store, Triggers};
+pub use operation::{Run, Serial, Spool, Store};
+pub use settings::{Bus, CanTrigger, Condition, Raw, RawFrames, Ring, Settings, Triggers};
 
 use std::path::PathBuf;
 

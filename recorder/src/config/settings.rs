@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use schema::header::{ImuSheet, Layout, Vehicle, WheelSheet};
 use schema::units::{MetersPerSecond, MetersPerSecondSquared, Radians, RadiansPerSecond};
@@ -12,6 +12,7 @@ use super::ConfigError;
 use super::file::{AxesName, Config, FramesName, LayoutName, OneOrMany, Threshold};
 use super::locate::Source;
 use super::mapping::Mapper;
+use super::operation::{Run, Serial, Spool, Store};
 use crate::axes::Mounting;
 use crate::dbc::Database;
 use crate::plan::Plan;
@@ -85,15 +86,6 @@ pub struct Raw {
     pub after_ns: i64,
 }
 
-/// `[store]`.
-#[derive(Clone, Debug)]
-pub struct Store {
-    /// Folder of the records.
-    pub dir: PathBuf,
-    /// Sealed records that are kept.
-    pub keep: u32,
-}
-
 /// Everything the recorder needs to know, valid.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -119,6 +111,12 @@ pub struct Settings {
     pub raw: Raw,
     /// `[store]`.
     pub store: Store,
+    /// The ring on disk: `[spool]`.
+    pub spool: Spool,
+    /// The daemon: `[run]`.
+    pub run: Run,
+    /// The read-out over a serial line: `[serial]`.
+    pub serial: Option<Serial>,
     /// SHA-256 of the configuration's bytes.
     pub config_sha256: [u8; 32],
 }
@@ -168,10 +166,10 @@ impl Settings {
             ring: check.ring(&config)?,
             trigger: check.trigger(&config)?,
             raw: check.raw(&config)?,
-            store: Store {
-                dir: base_dir.join(&config.store.dir),
-                keep: check.keep(&config)?,
-            },
+            store: check.store(&config, base_dir)?,
+            spool: check.spool(&config, base_dir)?,
+            run: check.run(&config, base_dir)?,
+            serial: check.serial(&config)?,
             config_sha256: Sha256::digest(text.as_bytes()).into(),
             plan: Mapper::new(&config, &source, &databases).build()?,
             imu,
@@ -181,12 +179,12 @@ impl Settings {
 }
 
 /// The checks, with the text to name lines of.
-struct Check<'a> {
+pub(super) struct Check<'a> {
     source: &'a Source<'a>,
 }
 
 impl Check<'_> {
-    fn wrong(&self, key: &str, expected: &str, found: impl fmt::Display) -> ConfigError {
+    pub(super) fn wrong(&self, key: &str, expected: &str, found: impl fmt::Display) -> ConfigError {
         ConfigError::Value {
             place: self.source.place(key),
             key: key.to_owned(),
@@ -196,7 +194,13 @@ impl Check<'_> {
     }
 
     /// A number within bounds, both included; NaN is never within.
-    fn within(&self, key: &str, value: f64, low: f64, high: f64) -> Result<f64, ConfigError> {
+    pub(super) fn within(
+        &self,
+        key: &str,
+        value: f64,
+        low: f64,
+        high: f64,
+    ) -> Result<f64, ConfigError> {
         if (low..=high).contains(&value) {
             Ok(value)
         } else {
@@ -428,13 +432,5 @@ impl Check<'_> {
             before_ns: nanos("raw.before_s", config.raw.before_s)?,
             after_ns: nanos("raw.after_s", config.raw.after_s)?,
         })
-    }
-
-    fn keep(&self, config: &Config) -> Result<u32, ConfigError> {
-        if (5..=100_000).contains(&config.store.keep) {
-            Ok(config.store.keep)
-        } else {
-            Err(self.wrong("store.keep", "5 to 100000", config.store.keep))
-        }
     }
 }
