@@ -1,5 +1,7 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
+mod key;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -55,6 +57,9 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Make, show and change the device's key.
+    #[command(subcommand)]
+    Key(key::KeyCommand),
     /// Say whether a configuration is valid and, with a log, whether each mapped signal arrives.
     Check {
         /// Configuration (TOML).
@@ -124,6 +129,7 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_replay(&config, &logs, out, trigger_at, map, json, &mut err),
+        Command::Key(command) => key::run(command),
         Command::Check {
             config,
             logs,
