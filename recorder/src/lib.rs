@@ -35,6 +35,7 @@ pub mod rest;
 pub mod ring;
 pub mod sampler;
 pub mod signal;
+pub mod spool;
 pub mod storage;
 pub mod store;
 pub mod timebase;

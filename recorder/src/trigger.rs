@@ -42,6 +42,14 @@ pub struct Rules {
 }
 
 impl Rules {
+    /// No trigger fires by itself: for recordings whose triggers are known.
+    #[must_use]
+    pub fn silent(mut self) -> Self {
+        (self.peak, self.delta_v) = (None, None);
+        self.can.clear();
+        self
+    }
+
     /// The rules of a configuration.
     #[must_use]
     pub fn of(settings: &Settings) -> Self {
@@ -78,6 +86,8 @@ pub enum Input<'a> {
     Can(usize, i64, f64),
     /// A manual trigger at a time.
     Manual(i64),
+    /// A trigger that fired before the recording was cut, and is read back.
+    Known(Fired),
 }
 
 /// What fired.
@@ -236,6 +246,7 @@ impl State {
                     },
                 )
             }
+            Input::Known(fired) => self.fire(rules, fired),
             Input::Can(slot, time_ns, value) => self.can(rules, slot, time_ns, value),
             Input::Manual(time_ns) => self.fire(
                 rules,

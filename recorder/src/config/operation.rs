@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use schema::num;
 
 use super::ConfigError;
-use super::file::Config;
-use super::settings::Check;
+use super::file::{Config, FramesName};
+use super::settings::{Check, Raw, RawFrames};
 
 /// Part of the bound on the loss that passes between two flushes, where `flush_ms` is not set: the rest is for the
 /// sampler's own delay and the flush itself.
@@ -65,6 +65,21 @@ pub struct Serial {
 }
 
 impl Check<'_> {
+    pub(super) fn raw(&self, config: &Config) -> Result<Raw, ConfigError> {
+        let nanos = |key: &str, value: f64| -> Result<i64, ConfigError> {
+            Ok(num::round_i64(self.within(key, value, 0.0, 10.0)? * 1e9))
+        };
+        Ok(Raw {
+            frames: match config.raw.frames {
+                FramesName::Mapped => RawFrames::Mapped,
+                FramesName::All => RawFrames::All,
+                FramesName::None => RawFrames::None,
+            },
+            before_ns: nanos("raw.before_s", config.raw.before_s)?,
+            after_ns: nanos("raw.after_s", config.raw.after_s)?,
+        })
+    }
+
     pub(super) fn store(&self, config: &Config, base_dir: &Path) -> Result<Store, ConfigError> {
         let store = &config.store;
         if !(5..=100_000).contains(&store.keep) {

@@ -7,7 +7,7 @@ use crate::can::{Frame, MAX_DATA};
 use crate::trigger::Fired;
 
 /// Longest text of a note or name, bytes; longer ones are cut.
-pub const LONGEST_TEXT: usize = 600;
+pub(super) const LONGEST_TEXT: usize = 600;
 
 /// One entry. All times are ns on the session's line ([`crate::live`]).
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub enum Entry {
         /// Names the bundle ([`crate::bundle`]).
         bundle: [u8; 32],
     },
-    /// A trigger fired; its time is on the line, its index on no grid.
+    /// A trigger fired, as [`crate::pipeline::Pipeline::take_fired`] gives it.
     Trigger(Fired),
     /// The system clock was set.
     ClockStep {
@@ -124,6 +124,7 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
                 TriggerKind::Can => 3,
             });
             out.push(u8::try_from(fired.source).unwrap_or(u8::MAX));
+            out.extend(fired.index.to_le_bytes());
             out.extend(fired.value.to_le_bytes());
             out.extend(fired.threshold.to_le_bytes());
         }
@@ -216,6 +217,7 @@ impl<'a> Entries<'a> {
             },
             TRIGGER => {
                 let [kind, source] = self.take()?;
+                let index = self.count()?;
                 let value = f64::from_le_bytes(self.take()?);
                 let threshold = f64::from_le_bytes(self.take()?);
                 if !value.is_finite() || !threshold.is_finite() {
@@ -230,7 +232,7 @@ impl<'a> Entries<'a> {
                         _ => return None,
                     },
                     monotonic_ns: at_ns,
-                    index: 0,
+                    index,
                     value,
                     threshold,
                     source: usize::from(source),

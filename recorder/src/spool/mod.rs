@@ -24,8 +24,8 @@ mod syncer;
 pub mod wear;
 
 pub use entry::Entry;
-pub use file::{Found, SpoolFile};
-pub use journal::Journal;
+pub use file::{Found, SpoolFile, read_session, scan};
+pub use journal::{Journal, frames_a_block};
 pub use syncer::{FlushState, Syncer};
 
 use schema::sample::SAMPLE_NS;
@@ -41,7 +41,11 @@ pub const EVENT_FLUSH_NS: i64 = 15_000_000;
 /// and the next event that began meanwhile, one block a flush.
 #[must_use]
 pub fn blocks_for(settings: &Settings) -> u64 {
-    let samples_ns = |samples: u64| i64::try_from(samples).unwrap_or(0).saturating_mul(SAMPLE_NS);
+    let samples_ns = |samples: u64| {
+        i64::try_from(samples)
+            .unwrap_or(0)
+            .saturating_mul(SAMPLE_NS)
+    };
     let before_ns = samples_ns(settings.ring.before).saturating_add(10_000_000_000);
     let event_ns = samples_ns(settings.ring.after).saturating_add(145_000_000_000);
     let flush_ns = settings.spool.flush_ns.max(1);
