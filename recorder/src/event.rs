@@ -42,15 +42,10 @@ pub enum Ending {
         /// The car was at rest.
         at_rest: bool,
     },
-    /// The frames ended at this time while it ran.
-    LogEnded {
-        /// Index behind the last sample of the post-trigger time.
-        post_trigger_end: u64,
-        /// The car was at rest.
-        at_rest: bool,
-    },
-    /// The recording was cut while it ran: what the spool kept is read back.
-    Cut {
+    /// The frames ended while it ran.
+    Ended {
+        /// Why, as the beginning of a sentence: `the log ended`.
+        why: &'static str,
         /// Index behind the last sample of the post-trigger time.
         post_trigger_end: u64,
         /// The car was at rest.
@@ -69,6 +64,8 @@ pub struct Facts {
     pub dropped: u64,
     /// Error frames since the start.
     pub error_frames: u64,
+    /// What the self-test found, and whatever else holds at sealing, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// What the pipeline knows at sealing beyond the event.

@@ -78,7 +78,8 @@ pub struct Pipeline<'a> {
     asked: VecDeque<i64>,
     /// Triggers that are known already: see [`Pipeline::recovered`].
     known: VecDeque<Fired>,
-    recovering: bool,
+    /// Reading back: delta-V triggers fire by themselves from this bin of the line on, all others are known.
+    recovering: Option<u64>,
     /// Triggers that fired and were not taken yet.
     fired: Vec<Fired>,
     /// UTC minus the line: the sum of the steps of the system clock.
@@ -115,7 +116,7 @@ impl<'a> Pipeline<'a> {
             manual: manual.into(),
             asked: VecDeque::new(),
             known: VecDeque::new(),
-            recovering: false,
+            recovering: None,
             fired: Vec::new(),
             shift_ns: 0,
             facts: None,
@@ -334,7 +335,13 @@ impl<'a> Pipeline<'a> {
                 self.ring.push_aux(group, row);
             }
         }
+        if let Some(from) = self.recovering {
+            self.rules.muted = self.line_bin(closed.index) < from;
+        }
         self.step_machine(&Input::Sample(closed.index, &closed.sample));
+        if self.recovering.is_some() {
+            self.rules.muted = true;
+        }
         self.fire_known(closed.index);
     }
 
@@ -395,6 +402,9 @@ impl<'a> Pipeline<'a> {
         };
         let decode = self.decoder.health;
         let mut notes = self.notes.clone();
+        if let Some(facts) = &self.facts {
+            notes.extend(facts.notes.iter().cloned());
+        }
         if decode.not_finite > 0 {
             notes.push(format!(
                 "{} values were not finite after factor and offset, and are missing",

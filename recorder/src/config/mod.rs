@@ -13,6 +13,7 @@ mod units;
 pub use bundle::Bundle;
 pub use file::Config;
 pub use locate::{Place, nearest};
+pub use operation::default_socket;
 pub use operation::{Run, Serial, Spool, Store};
 pub use settings::{Bus, CanTrigger, Condition, Raw, RawFrames, Ring, Settings, Triggers};
 

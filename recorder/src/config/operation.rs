@@ -9,8 +9,8 @@ use super::file::{Config, FramesName};
 use super::settings::{Check, Raw, RawFrames};
 
 /// Part of the bound on the loss that passes between two flushes, where `flush_ms` is not set: the rest is for the
-/// sampler's own delay and the flush itself.
-const FLUSH_PART: f64 = 0.4;
+/// flush itself.
+const FLUSH_PART: f64 = 0.6;
 /// Shortest token of the serial read-out, bytes.
 const SHORTEST_TOKEN: usize = 12;
 
@@ -62,6 +62,17 @@ pub struct Serial {
     pub token: String,
     /// Bits a second.
     pub baud: u32,
+}
+
+/// Where the socket is unless configured: in the folder that systemd gives the service, else in the user's, else in
+/// that of root.
+#[must_use]
+pub fn default_socket() -> PathBuf {
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    folder("RUNTIME_DIRECTORY")
+        .or_else(|| folder("XDG_RUNTIME_DIR").map(|folder| folder.join("svartboks")))
+        .unwrap_or_else(|| PathBuf::from("/run/svartboks"))
+        .join("recorder.sock")
 }
 
 impl Check<'_> {
@@ -127,10 +138,10 @@ impl Check<'_> {
             10_000.0,
         )?;
         Ok(Run {
-            socket: run.socket.as_ref().map_or_else(
-                || base_dir.join(&config.store.dir).join("recorder.sock"),
-                |socket| base_dir.join(socket),
-            ),
+            socket: run
+                .socket
+                .as_ref()
+                .map_or_else(default_socket, |socket| base_dir.join(socket)),
             realtime_priority: Some(run.realtime_priority).filter(|priority| *priority > 0),
             lock_memory: run.lock_memory,
             self_test_ns: num::round_i64(minutes * 60e9),

@@ -36,32 +36,21 @@ impl Event {
                 }
                 at_rest
             }
-            Ending::Cut {
-                post_trigger_end,
-                at_rest,
-            } => {
-                let missing = seconds(post_trigger_end.saturating_sub(end));
-                reasons.push(format!(
-                    "the recording was cut (loss of power, or the recorder was killed) {missing:.2} s before the \
-                     post-trigger time was over; what was on disk by then is stored"
-                ));
-                at_rest
-            }
-            Ending::LogEnded {
+            Ending::Ended {
+                why,
                 post_trigger_end,
                 at_rest,
             } => {
                 if end < post_trigger_end {
                     let missing = seconds(post_trigger_end - end);
                     reasons.push(format!(
-                        "the log ended {missing:.2} s before the post-trigger time was over"
+                        "{why} {missing:.2} s before the post-trigger time was over"
                     ));
                 }
                 if !at_rest {
-                    reasons.push(
-                        "the log ended before the car had been at rest for 2 s: it ends moving"
-                            .to_owned(),
-                    );
+                    reasons.push(format!(
+                        "{why} before the car had been at rest for 2 s: it ends moving"
+                    ));
                 }
                 at_rest
             }

@@ -71,18 +71,19 @@ impl Pipeline<'_> {
         let Some(time) = self.time else { return };
         self.sampler.flush(time.now_ns(), &mut self.out);
         self.drain();
-        self.end(|post_trigger_end, at_rest| Ending::LogEnded {
-            post_trigger_end,
-            at_rest,
-        });
+        self.end("the log ended");
     }
 
     /// Seals what runs.
-    pub(super) fn end(&mut self, ending: impl Fn(u64, bool) -> Ending) {
+    pub(super) fn end(&mut self, why: &'static str) {
         while let Some(post_trigger_end) = self.state.post_trigger_end() {
             let at_rest = self.state.at_rest();
             self.state = self.state.sealed();
-            self.seal(ending(post_trigger_end, at_rest));
+            self.seal(Ending::Ended {
+                why,
+                post_trigger_end,
+                at_rest,
+            });
         }
     }
 

@@ -11,7 +11,7 @@ use super::Pipeline;
 use crate::bins::index_of;
 use crate::config::Settings;
 use crate::decode::Decoder;
-use crate::event::{Ending, Facts};
+use crate::event::Facts;
 use crate::pace::Pace;
 use crate::sampler::Sampler;
 use crate::trigger::{Fired, Input, Rules, State};
@@ -22,19 +22,40 @@ const QUIET_NS: i64 = 300_000_000;
 const MOST_ASKED: usize = 16;
 
 impl Pipeline<'_> {
-    /// A pipeline that reads back a recording whose triggers are known: none fires by itself.
+    /// A pipeline that reads back a recording. Triggers that had fired are known; those that the cut came before
+    /// the decision on, delta-V in samples from `undecided_ns` on the line on, fire by themselves.
     #[must_use]
-    pub fn recovered(settings: Arc<Settings>, shift_ns: i64) -> Self {
+    pub fn recovered(settings: Arc<Settings>, shift_ns: i64, undecided_ns: i64) -> Self {
         let mut pipeline = Pipeline::new(settings, &[], None);
-        pipeline.recovering = true;
-        pipeline.rules = pipeline.rules.silent();
+        pipeline.recovering = u64::try_from(undecided_ns.div_euclid(SAMPLE_NS)).ok();
+        pipeline.rules.muted = true;
         pipeline.shift_ns = shift_ns;
         pipeline
+    }
+
+    /// Number of a bin on the line, in steps of 10 ms since 1970.
+    pub(super) fn line_bin(&self, index: u64) -> u64 {
+        let offset = self
+            .time
+            .map_or(0, |time| time.offset_ns())
+            .div_euclid(SAMPLE_NS);
+        let index = i64::try_from(index).unwrap_or(i64::MAX);
+        u64::try_from(index.saturating_add(offset)).unwrap_or(0)
+    }
+
+    /// Start of the first bin that the triggers have not looked at, ns on the line.
+    #[must_use]
+    pub fn undecided_ns(&self) -> i64 {
+        let bin = i64::try_from(self.line_bin(self.sampler.next_index())).unwrap_or(i64::MAX);
+        bin.saturating_mul(SAMPLE_NS)
     }
 
     /// A trigger that fired before the cut: its time on the line, its index there in steps of 10 ms.
     pub fn known(&mut self, fired: Fired) {
         self.known.push_back(fired);
+        if let Some(newest) = self.ring.end().checked_sub(1) {
+            self.fire_known(newest);
+        }
     }
 
     /// Now on the line, ns, while no frame comes: bins are closed and events end all the same.
@@ -94,15 +115,16 @@ impl Pipeline<'_> {
     /// The triggers that fired since the last call, on the line, as [`Pipeline::known`] takes them.
     pub fn take_fired(&mut self, mut take: impl FnMut(Fired)) {
         let offset_ns = self.time.map_or(0, |time| time.offset_ns());
-        let offset = offset_ns.div_euclid(SAMPLE_NS);
-        for fired in self.fired.drain(..) {
-            let index = i64::try_from(fired.index).unwrap_or(i64::MAX);
+        let fired = std::mem::take(&mut self.fired);
+        for fired in &fired {
             take(Fired {
                 monotonic_ns: fired.monotonic_ns.saturating_add(offset_ns),
-                index: u64::try_from(index.saturating_add(offset)).unwrap_or(0),
-                ..fired
+                index: self.line_bin(fired.index),
+                ..*fired
             });
         }
+        self.fired = fired;
+        self.fired.clear();
     }
 
     /// The system clock was set at a time on the line. Running events keep their UTC.
@@ -165,6 +187,12 @@ impl Pipeline<'_> {
             .map(|time| time.now_ns().saturating_add(time.offset_ns()))
     }
 
+    /// The newest time on the monotonic grid, ns.
+    #[must_use]
+    pub fn now_ns(&self) -> i64 {
+        self.time.map_or(0, |time| time.now_ns())
+    }
+
     /// The time on the line of a record's first trigger, ns.
     #[must_use]
     pub fn trigger_line_ns(&self, record: &schema::Record) -> i64 {
@@ -182,27 +210,20 @@ impl Pipeline<'_> {
         (held, self.ring.capacity().unwrap_or(0))
     }
 
-    /// The recording was cut here: what runs is sealed as far as it goes.
-    pub fn cut(&mut self) {
+    /// The recording ends here: what runs is sealed as far as it goes. `why` begins a sentence.
+    pub fn cut(&mut self, why: &'static str) {
         let Some(time) = self.time else { return };
         self.sampler.flush(time.now_ns(), &mut self.out);
         self.drain();
         self.fire_known(u64::MAX);
-        self.end(|post_trigger_end, at_rest| Ending::Cut {
-            post_trigger_end,
-            at_rest,
-        });
+        self.end(why);
     }
 
     /// Other settings from a time on the line on; the ring stays. To be called while no event runs.
     pub fn reconfigure(&mut self, settings: Arc<Settings>, line_ns: i64) {
         let digest = schema::seal::Hex(&self.settings.config_sha256).to_string();
-        let rules = Rules::of(&settings);
-        self.rules = if self.recovering {
-            rules.silent()
-        } else {
-            rules
-        };
+        self.rules = Rules::of(&settings);
+        self.rules.muted = self.recovering.is_some();
         if let Some(time) = self.time {
             self.sampler.flush(time.now_ns(), &mut self.out);
             self.drain();

@@ -42,16 +42,27 @@ pub enum Entry {
         /// Time of its first trigger on the line.
         trigger_ns: i64,
     },
-    /// Counts of the sockets, once a second.
+    /// The state of session, sockets and clock, once a second: whatever the circle has left, this is in it.
     Counts {
         /// When.
         at_ns: i64,
+        /// Names the bundle in force.
+        bundle: [u8; 32],
+        /// Source of UTC: number of the variant of [`schema::header::ClockSource`].
+        clock: u8,
+        /// Its uncertainty, ns; `None`: can not be told.
+        uncertainty_ns: Option<u64>,
         /// Frames that the kernel dropped.
         dropped: u64,
         /// Error frames.
         error_frames: u64,
         /// UTC minus the line, ns.
         utc_offset_ns: i64,
+    },
+    /// Samples before this time were looked at by the triggers; written with each flush.
+    Closed {
+        /// Start of the first bin that was still open, ns.
+        at_ns: i64,
     },
     /// The recorder was stopped on purpose.
     End {
@@ -71,6 +82,7 @@ impl Entry {
             | Self::ClockStep { at_ns, .. }
             | Self::Note { at_ns, .. }
             | Self::Counts { at_ns, .. }
+            | Self::Closed { at_ns }
             | Self::End { at_ns } => *at_ns,
             Self::Sealed { trigger_ns } => *trigger_ns,
         }
@@ -85,6 +97,7 @@ const NOTE: u8 = 5;
 const SEALED: u8 = 6;
 const COUNTS: u8 = 7;
 const END: u8 = 8;
+const CLOSED: u8 = 9;
 
 /// Bytes of a frame's entry before its payload.
 const FRAME_HEAD: usize = 12;
@@ -145,15 +158,22 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
         Entry::Sealed { trigger_ns } => head(out, SEALED, *trigger_ns),
         Entry::Counts {
             at_ns,
+            bundle,
+            clock,
+            uncertainty_ns,
             dropped,
             error_frames,
             utc_offset_ns,
         } => {
             head(out, COUNTS, *at_ns);
+            out.extend(bundle);
+            out.push(*clock);
+            out.extend(uncertainty_ns.unwrap_or(u64::MAX).to_le_bytes());
             out.extend(dropped.to_le_bytes());
             out.extend(error_frames.to_le_bytes());
             out.extend(utc_offset_ns.to_le_bytes());
         }
+        Entry::Closed { at_ns } => head(out, CLOSED, *at_ns),
         Entry::End { at_ns } => head(out, END, *at_ns),
     }
 }
@@ -254,10 +274,14 @@ impl<'a> Entries<'a> {
             SEALED => Entry::Sealed { trigger_ns: at_ns },
             COUNTS => Entry::Counts {
                 at_ns,
+                bundle: self.take()?,
+                clock: self.take::<1>()?[0],
+                uncertainty_ns: Some(self.count()?).filter(|ns| *ns != u64::MAX),
                 dropped: self.count()?,
                 error_frames: self.count()?,
                 utc_offset_ns: self.long()?,
             },
+            CLOSED => Entry::Closed { at_ns },
             END => Entry::End { at_ns },
             _ => return None,
         })
@@ -319,10 +343,14 @@ mod tests {
             Entry::Sealed { trigger_ns: 9 },
             Entry::Counts {
                 at_ns: 4,
+                bundle: [3; 32],
+                clock: 2,
+                uncertainty_ns: None,
                 dropped: 5,
                 error_frames: 6,
                 utc_offset_ns: -7,
             },
+            Entry::Closed { at_ns: 7 },
             Entry::End { at_ns: 8 },
         ];
         let mut bytes = Vec::new();

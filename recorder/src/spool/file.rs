@@ -13,6 +13,8 @@ use crate::storage::{Storage, Stored};
 
 /// Blocks that are read or zeroed at a time.
 const AT_ONCE: u64 = 64;
+/// Blocks from the newest within which the last entry of a kind is looked for: one flush is at most 1,024.
+const LOOK_BACK: usize = 4096;
 
 /// The open file.
 pub struct SpoolFile {
@@ -93,6 +95,37 @@ pub fn scan(storage: &dyn Storage, path: &Path) -> Result<Found, RecorderError> 
         total,
         missing,
     })
+}
+
+/// The last entry of the newest session that `wanted` gives something for.
+///
+/// # Errors
+/// When the file can not be read.
+pub fn last_of<T>(
+    storage: &dyn Storage,
+    path: &Path,
+    found: &Found,
+    wanted: impl Fn(&Entry) -> Option<T>,
+) -> Result<Option<T>, RecorderError> {
+    let session = found.session();
+    for (sequence, place, of) in found.blocks.iter().rev().take(LOOK_BACK) {
+        if *of != session {
+            break;
+        }
+        let bytes = storage
+            .read_range(path, offset(*place), BLOCK_BYTES)
+            .map_err(RecorderError::io(path, "read the spool"))?;
+        let head: Option<Head> = block::read(&bytes).filter(|head| head.sequence == *sequence);
+        let last = head.and_then(|head| {
+            block::entries(&bytes, &head)
+                .filter_map(|entry| wanted(&entry))
+                .last()
+        });
+        if last.is_some() {
+            return Ok(last);
+        }
+    }
+    Ok(None)
 }
 
 /// Hands on every entry of the newest session, oldest first.

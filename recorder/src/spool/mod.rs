@@ -17,6 +17,7 @@
 //! that takes. Frames that come while the disk is busy wait in memory, up to 4 MiB.
 
 pub mod block;
+pub mod bundles;
 mod entry;
 mod file;
 mod journal;
@@ -24,7 +25,7 @@ mod syncer;
 pub mod wear;
 
 pub use entry::Entry;
-pub use file::{Found, SpoolFile, read_session, scan};
+pub use file::{Found, SpoolFile, last_of, read_session, scan};
 pub use journal::{Journal, frames_a_block};
 pub use syncer::{FlushState, Syncer};
 
