@@ -1,6 +1,8 @@
 //! Files as the daemon uses them. One door, so that a test can record every write, synchronisation and rename of a
 //! run and ask what a loss of power at any instant would have left ([`crate::spool`], [`crate::store`]).
 
+pub mod model;
+
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
