@@ -135,7 +135,7 @@ impl Daemon {
     }
 
     fn flush_interval(&self) -> i64 {
-        if self.pipeline.running() {
+        if self.pipeline.alert() {
             self.settings.spool.flush_ns.min(EVENT_FLUSH_NS)
         } else {
             self.settings.spool.flush_ns

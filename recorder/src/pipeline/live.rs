@@ -18,6 +18,8 @@ use crate::trigger::{Fired, Input, Rules, State};
 
 /// With no frame for so long time goes on without them, so much behind, ns. Longer than any frame is ever late.
 const QUIET_NS: i64 = 300_000_000;
+/// A sharp frame keeps the spool alert for so long, ns.
+const ALERT_NS: i64 = 1_000_000_000;
 /// Triggers asked for at once.
 const MOST_ASKED: usize = 16;
 
@@ -166,6 +168,14 @@ impl Pipeline<'_> {
     /// What a live source says of its clock, interfaces and losses; in force for events sealed from now on.
     pub fn set_facts(&mut self, facts: Facts) {
         self.facts = Some(facts);
+    }
+
+    /// True while every frame may be one of a crash: an event runs, or a frame of the last second had more than 1 g
+    /// beside gravity. A trigger is decided 60 ms after the sample that it fires in; this is known at once.
+    #[must_use]
+    pub fn alert(&self) -> bool {
+        let sharp = self.sampler.sharp_ns();
+        self.state.running() || sharp.is_some_and(|sharp| self.now_ns() - sharp < ALERT_NS)
     }
 
     /// True while an event runs.

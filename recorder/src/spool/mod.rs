@@ -12,8 +12,8 @@
 //! than a denser packing would. The file is filled with zeros once, so that a flush changes data alone and no
 //! metadata of the file system.
 //!
-//! **Flush.** The receiving thread fills a [`Journal`]; every `flush_ms`, or 15 ms while an event runs, it
-//! hands the blocks to a thread of its own ([`Syncer`]) that writes and synchronises them and measures how long
+//! **Flush.** The receiving thread fills a [`Journal`]; every `flush_ms`, or 15 ms while an event runs or
+//! within a second of a frame with more than 1 g beside gravity, it hands the blocks to a thread of its own ([`Syncer`]) that writes and synchronises them and measures how long
 //! that takes. Frames that come while the disk is busy wait in memory, up to 4 MiB.
 
 pub mod block;
