@@ -1,6 +1,10 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
+<<<<<<< HEAD
 mod key;
+=======
+mod daemon;
+>>>>>>> main
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -57,9 +61,51 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+<<<<<<< HEAD
     /// Make, show and change the device's key.
     #[command(subcommand)]
     Key(key::KeyCommand),
+=======
+    /// Record from the CAN interfaces until told to stop: the daemon.
+    Run {
+        /// Configuration (TOML).
+        #[arg(long)]
+        config: PathBuf,
+        /// In place of the interfaces, a log at the pace of its own stamps, for the bench; repeatable.
+        #[arg(long, value_name = "LOG")]
+        paced: Vec<PathBuf>,
+        /// Take the paced log's interface NAME for the configured one; repeatable.
+        #[arg(long, value_name = "NAME=CONFIGURED", value_parser = pair, requires = "paced")]
+        map: Vec<(String, String)>,
+    },
+    /// Ask the running daemon how it is. Exit code 3 where it has alarms.
+    Status {
+        /// Configuration that names its socket.
+        #[arg(long)]
+        config: Option<PathBuf>,
+        /// Its socket.
+        #[arg(long)]
+        socket: Option<PathBuf>,
+        /// The answer as JSON.
+        #[arg(long)]
+        json: bool,
+        /// Again each second.
+        #[arg(long)]
+        watch: bool,
+    },
+    /// Ask the running daemon for a manual trigger.
+    Trigger {
+        /// Configuration that names its socket.
+        #[arg(long)]
+        config: Option<PathBuf>,
+        /// Its socket.
+        #[arg(long)]
+        socket: Option<PathBuf>,
+        /// The answer as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+>>>>>>> main
     /// Say whether a configuration is valid and, with a log, whether each mapped signal arrives.
     Check {
         /// Configuration (TOML).
@@ -137,6 +183,18 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_check(&config, &logs, seconds, map, json),
+        Command::Run { config, paced, map } => daemon::run(config, paced, map),
+        Command::Status {
+            config,
+            socket,
+            json,
+            watch,
+        } => daemon::status(config.as_deref(), socket, json, watch),
+        Command::Trigger {
+            config,
+            socket,
+            json,
+        } => daemon::trigger(config.as_deref(), socket, json),
     };
     match done {
         Ok(code) => ExitCode::from(code),

@@ -55,7 +55,7 @@ fn keys_are_made_shown_and_changed() {
         &folder,
         &["key", "new", "--out", "b.key", "--json"],
     ));
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/can");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/config");
     let config = std::fs::read_dir(example)
         .unwrap()
         .map(|entry| entry.unwrap().path())
