@@ -1,10 +1,7 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
-<<<<<<< HEAD
-mod key;
-=======
 mod daemon;
->>>>>>> main
+mod key;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -61,11 +58,9 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-<<<<<<< HEAD
     /// Make, show and change the device's key.
     #[command(subcommand)]
     Key(key::KeyCommand),
-=======
     /// Record from the CAN interfaces until told to stop: the daemon.
     Run {
         /// Configuration (TOML).
@@ -105,7 +100,6 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
->>>>>>> main
     /// Say whether a configuration is valid and, with a log, whether each mapped signal arrives.
     Check {
         /// Configuration (TOML).

@@ -99,7 +99,9 @@ fn text(file: File, path: &Path) -> Result<Zeroizing<String>, RecorderError> {
 fn wrong(path: &Path) -> impl Fn(KeyError) -> RecorderError {
     move |error| {
         let text = error.to_string();
-        let (expected, found) = text.split_once(", found ").unwrap_or((&text, "something else"));
+        let (expected, found) = text
+            .split_once(", found ")
+            .unwrap_or((&text, "something else"));
         RecorderError::Key {
             path: path.to_path_buf(),
             expected: expected.trim_start_matches("expected ").to_owned(),
@@ -144,7 +146,9 @@ fn write_new(path: &Path, mode: u32, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = options.write(true).create_new(true).mode(mode).open(path)?;
     file.write_all(bytes)?;
     file.sync_all()?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
     File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 

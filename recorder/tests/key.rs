@@ -55,25 +55,11 @@ fn keys_are_made_shown_and_changed() {
         &folder,
         &["key", "new", "--out", "b.key", "--json"],
     ));
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/config");
-    let config = std::fs::read_dir(example)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .find(|path| path.extension().is_some_and(|ending| ending == "toml"))
-        .unwrap();
-    let text = std::fs::read_to_string(&config).unwrap();
-    let beside = config.parent().unwrap();
-    for entry in std::fs::read_dir(beside).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|ending| ending == "dbc") {
-            std::fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
-        }
-    }
-    let text = if text.contains("[device]") {
-        text.replace("[device]", "[device]\nkey = \"a.key\"")
-    } else {
-        format!("{text}\n[device]\nkey = \"a.key\"\n")
-    };
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures");
+    let text = std::fs::read_to_string(fixtures.join("config/oblique-1.toml")).unwrap();
+    std::fs::copy(fixtures.join("dbc/oblique-1.dbc"), folder.join("car.dbc")).unwrap();
+    let text = text.replace("../dbc/oblique-1.dbc", "car.dbc");
+    let text = format!("{text}\n[device]\nkey = \"a.key\"\n");
     std::fs::write(folder.join("car.toml"), text).unwrap();
     let rotate = [
         "key", "rotate", "--config", "car.toml", "--new", "b.key", "--json",
