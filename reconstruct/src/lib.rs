@@ -1,5 +1,6 @@
 //! The svartboks reconstructor: a sealed record back into what happened, with its uncertainty.
 
+pub mod chain;
 pub mod compare;
 pub mod constraint;
 pub mod dead_reckoning;

@@ -130,6 +130,10 @@ fn a_ledger_goes_round_and_shows_its_records_and_keys() {
     assert!(found.vouches(&key(1).public(), &key(2).public()));
     assert!(found.vouches(&key(2).public(), &key(1).public()));
     assert!(!found.vouches(&key(3).public(), &key(2).public()));
+    // A key that has signed nothing yet can not vouch for what was before it: anyone can name it as his successor.
+    let named = audit(&Ledger::read(&bytes(&entries[..5])));
+    assert!(named.vouches(&key(1).public(), &key(2).public()));
+    assert!(!named.vouches(&key(2).public(), &key(1).public()));
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use reconstruct::export::{candump, samples};
 
+use crate::cli::decrypt::Identity;
 use crate::cli::load::Loaded;
 use crate::cli::{CliError, complain, print, write_file};
 
@@ -12,6 +13,8 @@ use crate::cli::{CliError, complain, print, write_file};
 pub(crate) struct Args {
     /// Record to export (.svb)
     record: PathBuf,
+    #[command(flatten)]
+    identity: Identity,
     /// Format: csv (samples in SI), candump (raw frames about the trigger, original times), json (everything)
     #[arg(long, value_name = "FORMAT")]
     to: Format,
@@ -29,7 +32,7 @@ enum Format {
 
 /// Runs the command; gives the exit code.
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
-    let loaded = Loaded::open(&args.record)?;
+    let loaded = Loaded::open(&args.record, &args.identity)?;
     let case = loaded.case();
     let text = match args.to {
         Format::Csv => samples::csv(&case),

@@ -14,6 +14,7 @@ use schema::record::GridSample;
 use schema::units::STANDARD_GRAVITY;
 use serde_json::{Value, json};
 
+use crate::cli::decrypt::Identity;
 use crate::cli::load::Loaded;
 use crate::cli::{CliError, print, print_json, run};
 
@@ -22,6 +23,8 @@ use crate::cli::{CliError, print, print_json, run};
 pub(crate) struct Args {
     /// Record to show (.svb)
     record: PathBuf,
+    #[command(flatten)]
+    identity: Identity,
     /// Show the stored bytes beside the values
     #[arg(long)]
     hex: bool,
@@ -41,7 +44,7 @@ pub(crate) struct Args {
 
 /// Runs the command; gives the exit code.
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
-    let loaded = Loaded::open(&args.record)?;
+    let loaded = Loaded::open(&args.record, &args.identity)?;
     let case = loaded.case();
     if args.json {
         print_json(&as_json(&case, args))?;

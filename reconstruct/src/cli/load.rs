@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use reconstruct::export::fixed::hex;
 use reconstruct::report::case::{Case, Signature};
-use schema::Record;
-use schema::limits::MAX_FILE_BYTES;
+use schema::envelope::{self, MAX_ENVELOPE_BYTES};
 use schema::seal::SealState;
+use schema::{Record, Seal};
 use sha2::{Digest, Sha256};
 
+use crate::cli::decrypt::Identity;
 use crate::cli::{CliError, GAPS, SOUND, complain};
 
 /// A record as found on disk.
@@ -20,6 +21,10 @@ pub(crate) struct Loaded {
     seal_sha256: Option<[u8; 32]>,
     signature: Signature,
     damage: Vec<String>,
+    /// The seal of a file that is whole.
+    pub(crate) seal: Option<Seal>,
+    /// The file is an encrypted envelope.
+    pub(crate) encrypted: bool,
     /// What was read.
     pub(crate) record: Record,
 }
@@ -29,16 +34,25 @@ const NAMED: usize = 20;
 
 impl Loaded {
     /// Reads a file. A damaged one is salvaged, with a loud warning.
-    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+    pub(crate) fn open(path: &Path, identity: &Identity) -> Result<Self, CliError> {
         let mut bytes = Vec::new();
-        let limit = schema::num::u64_of(MAX_FILE_BYTES) + 1;
+        let limit = schema::num::u64_of(MAX_ENVELOPE_BYTES) + 1;
         std::fs::File::open(path)
             .and_then(|file| file.take(limit).read_to_end(&mut bytes))
             .map_err(|error| CliError::file(path, error))?;
-        let mut loaded = Self::decode(&bytes).map_err(|error| CliError::Record {
+        let encrypted = envelope::contents(&bytes).is_some();
+        let plain = if encrypted {
+            &identity.open(path, &bytes)?
+        } else {
+            &bytes
+        };
+        let mut loaded = Self::decode(plain).map_err(|error| CliError::Record {
             path: path.display().to_string(),
             error: Box::new(error),
         })?;
+        loaded.encrypted = encrypted;
+        loaded.bytes = bytes.len();
+        loaded.file_sha256 = Sha256::digest(&bytes).into();
         loaded.name = PathBuf::from(path)
             .file_name()
             .map_or_else(String::new, |n| n.to_string_lossy().into_owned());
@@ -55,6 +69,8 @@ impl Loaded {
             seal_sha256,
             signature,
             damage,
+            seal: None,
+            encrypted: false,
             record,
         };
         let first = match Record::read(bytes) {
@@ -64,7 +80,9 @@ impl Loaded {
                 } else {
                     Signature::Unsigned
                 };
-                return Ok(whole(record, Some(seal.sha256), signature, Vec::new()));
+                let mut loaded = whole(record, Some(seal.sha256), signature, Vec::new());
+                loaded.seal = Some(seal);
+                return Ok(loaded);
             }
             Err(error) => error,
         };

@@ -8,6 +8,7 @@ use reconstruct::ReconstructError;
 use reconstruct::compare::CompareError;
 
 mod compare;
+mod decrypt;
 mod export;
 mod inspect;
 mod load;
@@ -38,7 +39,7 @@ enum Command {
     Run(Box<run::Args>),
     /// Show what a record holds: header, health, triggers, samples
     Inspect(inspect::Args),
-    /// Check a record's checksums and digest
+    /// Check records: digests, signatures, chain and ledger; who made them, when, with which software
     Verify(verify::Args),
     /// Write a record's data in another format
     Export(export::Args),
@@ -68,6 +69,22 @@ pub(crate) enum CliError {
         path: String,
         /// What is wrong.
         error: Box<::schema::SchemaError>,
+    },
+    /// An encrypted record that cannot be opened.
+    #[error("{path}: expected a record, found {found}")]
+    Sealed {
+        /// The file.
+        path: String,
+        /// What is there.
+        found: String,
+    },
+    /// A public key's file.
+    #[error("{path}: {error}")]
+    Key {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        error: ::schema::key::KeyError,
     },
     /// The reconstruction.
     #[error(transparent)]

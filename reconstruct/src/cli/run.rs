@@ -11,6 +11,7 @@ use reconstruct::road::RoadLimits;
 use reconstruct::run::{Model, Options, Road, reconstruct};
 use serde_json::json;
 
+use crate::cli::decrypt::Identity;
 use crate::cli::load::Loaded;
 use crate::cli::{CliError, GAPS, SOUND, print, print_json, write_file};
 
@@ -19,6 +20,8 @@ use crate::cli::{CliError, GAPS, SOUND, print, print_json, write_file};
 pub(crate) struct Args {
     /// Record to reconstruct (.svb)
     record: PathBuf,
+    #[command(flatten)]
+    identity: Identity,
     /// Folder for the results; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -130,7 +133,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         to_s: args.to,
         ..Options::default()
     };
-    let loaded = Loaded::open(&args.record)?;
+    let loaded = Loaded::open(&args.record, &args.identity)?;
     let case = loaded.case();
     let mut result = reconstruct(&loaded.record, &options)?;
     compass::to_true_north(&mut result);

@@ -348,7 +348,7 @@ fn an_encrypted_record_is_the_sealed_file_byte_for_byte_within() {
     let (vault, notes) = open().unwrap();
     assert_eq!((numbers(&vault), notes), (vec![1, 3, 4, 5, 6, 7], vec![]));
     assert_eq!(audit(&ledger(&model)).breaks, Vec::<String>::new());
-    let flags = Flags {
+    let flags = schema::ledger::Flags {
         locked: true,
         encrypted: true,
         adopted: false,

@@ -12,6 +12,8 @@ pub struct Entered {
     pub sealed: Entry,
     /// The entry of its removal.
     pub removed: Option<Entry>,
+    /// The key in force when it was entered, which signed the record if the entry is not an adopted one.
+    pub key: Option<PublicKey>,
 }
 
 /// A key of the ledger.
@@ -25,6 +27,8 @@ pub struct KeyChange {
     pub key: PublicKey,
     /// The key before signed it; false for the first key, which signs itself.
     pub by_the_old: bool,
+    /// The key signed an entry behind this one, and with it the digest of all entries before.
+    pub used: bool,
 }
 
 /// The finding.
@@ -41,8 +45,9 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// True if `key` is one of the ledger's, and the keys from it to the last (or from the first to it) were each
-    /// introduced by the one before.
+    /// True if a reader who trusts `trusted` may trust `key`. A later key is vouched for by the one before, which signed
+    /// its entry. An earlier key is vouched for by a later one that has signed an entry since, as each entry holds the
+    /// digest of all before it; that a record signed by the earlier key is *in* the ledger must then be checked too.
     #[must_use]
     pub fn vouches(&self, trusted: &PublicKey, key: &PublicKey) -> bool {
         let place = |wanted: &PublicKey| self.keys.iter().position(|change| change.key == *wanted);
@@ -51,7 +56,8 @@ impl Audit {
         };
         let (from, to) = (a.min(b), a.max(b));
         let between = self.keys.get(from + 1..=to).unwrap_or(&[]);
-        between.iter().all(|change| change.by_the_old)
+        let forward = a <= b || self.keys.get(a).is_some_and(|change| change.used);
+        forward && between.iter().all(|change| change.by_the_old)
     }
 }
 
@@ -82,13 +88,17 @@ pub fn audit(ledger: &Ledger) -> Audit {
                 change: *entry,
                 key: new,
                 by_the_old,
+                used: false,
             });
+            if by_the_old && let [.., old, _] = audit.keys.as_mut_slice() {
+                old.used = true;
+            }
             key = Some(new);
             continue;
         }
         signature(&mut audit, place, entry, key.as_ref());
         match entry.kind {
-            Kind::Sealed => sealed(&mut audit, place, entry, &mut newest),
+            Kind::Sealed => sealed(&mut audit, place, entry, key, &mut newest),
             Kind::Removed => removed(&mut audit, place, entry),
             Kind::NewKey => {}
         }
@@ -105,7 +115,11 @@ fn signature(audit: &mut Audit, place: usize, entry: &Entry, key: Option<&Public
                 "ledger, entry {place}: expected a signature by the key {key} in force, found none"
             ));
         }
-        (Some(_), Some(key)) if entry.signed_by(key) => {}
+        (Some(_), Some(key)) if entry.signed_by(key) => {
+            if let Some(change) = audit.keys.last_mut() {
+                change.used = true;
+            }
+        }
         (Some(_), Some(key)) => audit.breaks.push(format!(
             "ledger, entry {place}: expected a signature by the key {key} in force, found another"
         )),
@@ -115,7 +129,13 @@ fn signature(audit: &mut Audit, place: usize, entry: &Entry, key: Option<&Public
     }
 }
 
-fn sealed(audit: &mut Audit, place: usize, entry: &Entry, newest: &mut u64) {
+fn sealed(
+    audit: &mut Audit,
+    place: usize,
+    entry: &Entry,
+    key: Option<PublicKey>,
+    newest: &mut u64,
+) {
     if entry.number <= *newest {
         audit.breaks.push(format!(
             "ledger, entry {place}: expected a record with a number above {newest}, found {}",
@@ -136,6 +156,7 @@ fn sealed(audit: &mut Audit, place: usize, entry: &Entry, newest: &mut u64) {
         Entered {
             sealed: *entry,
             removed: None,
+            key,
         },
     );
 }
