@@ -38,6 +38,7 @@ pub mod rest;
 pub mod ring;
 pub mod sampler;
 pub mod signal;
+pub mod socket;
 pub mod spool;
 pub mod storage;
 pub mod store;

@@ -31,6 +31,7 @@ use crate::live::LiveSource;
 use crate::pipeline::{Observer, Pipeline};
 use crate::recovery::{Recovered, recover};
 use crate::replay::LogInput;
+use crate::socket::Sockets;
 use crate::spool::{self, Entry, Journal, SpoolFile, Syncer};
 use crate::storage::{Disk, Storage};
 
@@ -199,7 +200,7 @@ fn seal_recovered(
         let utc = first.saturating_add(record.header.clock.offset_ns);
         match keeper.seal(record) {
             Ok(kept) => {
-                tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed")
+                tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed");
             }
             Err(refused) => {
                 tracing::error!("an unfinished event waits in memory: {}", refused.reason);
@@ -231,16 +232,10 @@ fn begin_spool(
 
 fn source(settings: &Settings, options: &Options) -> Result<Box<dyn LiveSource>, RecorderError> {
     if options.paced.is_empty() {
-        return open_sockets(settings);
+        return Ok(Box::new(Sockets::open(settings)?));
     }
     let inputs = options.paced.iter().cloned().map(LogInput::File).collect();
     Ok(Box::new(Paced::open(settings, inputs, &options.map)?))
-}
-
-fn open_sockets(_: &Settings) -> Result<Box<dyn LiveSource>, RecorderError> {
-    Err(RecorderError::io("can", "open")(
-        std::io::ErrorKind::Unsupported.into(),
-    ))
 }
 
 /// Priority and memory as configured. What is not allowed is told; recording goes on without.
@@ -255,7 +250,7 @@ fn privileges(settings: &Settings) {
     }
     if let Some(priority) = settings.run.realtime_priority {
         let value = ThreadPriorityValue::try_from(priority);
-        let set = value.map_err(|error| format!("{error}")).and_then(|value| {
+        let set = value.map_err(|error| error.to_string()).and_then(|value| {
             set_thread_priority_and_policy(
                 thread_native_id(),
                 ThreadPriority::Crossplatform(value),
