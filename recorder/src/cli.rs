@@ -1,6 +1,7 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
 mod daemon;
+mod key;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -97,6 +98,9 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Make, show and change the device's key.
+    #[command(subcommand)]
+    Key(key::KeyCommand),
     /// Say whether a configuration is valid and whether each mapped signal arrives: in logs, or with --for on the live
     /// bus.
     Check {
@@ -167,6 +171,7 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_replay(&config, &logs, out, trigger_at, map, json, &mut err),
+        Command::Key(command) => key::run(command),
         Command::Check {
             config,
             logs,

@@ -27,6 +27,7 @@ pub mod error;
 pub mod event;
 pub mod health;
 pub mod imu_stream;
+pub mod keys;
 pub mod live;
 pub mod log_source;
 pub mod pace;

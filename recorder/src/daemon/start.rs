@@ -18,7 +18,7 @@ use thread_priority::{
 };
 
 use super::control::{Control, Shared};
-use super::keeper::open_keeper;
+use super::keeper::{Opened, open_keeper};
 use super::paced::Paced;
 use super::sealer::{Keeper, Sealer};
 use super::self_test::SelfTest;
@@ -56,11 +56,14 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     let _only = lock(&settings.store.dir)?;
     let signals = signals()?;
     let storage: Arc<dyn Storage> = Arc::new(Disk);
-    let (mut keeper, notes) = open_keeper(&storage, &settings)?;
+    let Opened {
+        mut keeper,
+        signed,
+        notes,
+    } = open_keeper(&storage, &settings)?;
     for note in notes {
         tracing::warn!("{note}");
     }
-    let signed = settings.store.key.is_some();
     let mut recovered = read_back(storage.as_ref(), &settings);
     let unsealed = seal_recovered(&mut recovered, keeper.as_mut());
     let sealer = Sealer::start(keeper)?;
@@ -250,7 +253,7 @@ fn privileges(settings: &Settings) {
     }
     if let Some(priority) = settings.run.realtime_priority {
         let value = ThreadPriorityValue::try_from(priority);
-        let set = value.map_err(|error| error.to_string()).and_then(|value| {
+        let set = value.and_then(|value| {
             set_thread_priority_and_policy(
                 thread_native_id(),
                 ThreadPriority::Crossplatform(value),
