@@ -26,7 +26,7 @@ fn hits(until: f64, hits: &[(f64, [f64; 2])]) -> String {
         let [x, y] = hit.map_or([0.0; 2], |(_, pulse)| *pulse);
         log.accel(t, [x, y, 9.806], u64::from(number));
         log.rate(t + 0.0002, [0.0; 3], u64::from(number));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             let moving = hits.first().is_none_or(|(at, _)| t < *at);
             log.wheels(t + 0.0004, if moving { 60.0 } else { 0.0 });
         }

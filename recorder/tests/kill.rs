@@ -43,7 +43,7 @@ fn crash_log() -> String {
         let forward = if pulse { -100.0 } else { 0.0 };
         log.accel(t, [forward, 0.0, 9.806], u64::from(number));
         log.rate(t + 0.0002, [0.0; 3], u64::from(number));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             log.wheels(t + 0.0004, if t < CRASH_S { 50.0 } else { 0.0 });
         }
         at = t;

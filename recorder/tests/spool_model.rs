@@ -44,7 +44,7 @@ fn crash_log() -> String {
             u64::from(number),
         );
         log.rate(t + 0.0002, [0.0, wobble, 0.0], u64::from(number));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             log.wheels(t + 0.0004, if t < CRASH_S { 50.0 } else { 0.0 });
         }
     }
