@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::check::{CheckReport, check, check_live};
 use crate::config::Settings;
+use crate::daemon::status::kind_word;
 use crate::error::RecorderError;
 use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
 use crate::socket::Sockets;
@@ -424,14 +425,4 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
         print(&format!("warning: {warning}"))?;
     }
     Ok(())
-}
-
-/// A trigger in words.
-fn kind_word(kind: TriggerKind) -> &'static str {
-    match kind {
-        TriggerKind::Peak => "peak",
-        TriggerKind::DeltaV => "delta-v",
-        TriggerKind::Manual => "manual",
-        TriggerKind::Can => "can",
-    }
 }
