@@ -25,6 +25,7 @@ pub mod error;
 pub mod event;
 pub mod health;
 pub mod imu_stream;
+pub mod level;
 pub mod live;
 pub mod log_source;
 pub mod pace;
