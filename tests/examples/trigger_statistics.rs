@@ -8,7 +8,8 @@
 )]
 
 use support::trigger_report::{
-    CRASH_SEEDS, DRIVE_SEEDS, crash_table, crashes, drive_table, drives, real_drives,
+    CRASH_SEEDS, DRIVE_SEEDS, NEAR_SEEDS, crash_table, crashes, drive_table, drives, near,
+    near_table, real_drives,
 };
 
 fn main() {
@@ -16,6 +17,11 @@ fn main() {
         .nth(1)
         .map_or(50.0, |word| word.parse().unwrap());
     println!("{}", crash_table(&crashes(CRASH_SEEDS)));
+    println!(
+        "{}Seeds {NEAR_SEEDS} to {}.\n",
+        near_table(&near(NEAR_SEEDS, 400)),
+        NEAR_SEEDS + 399
+    );
     let driven = drives(DRIVE_SEEDS, hours);
     println!(
         "{}Seeds {DRIVE_SEEDS} on, half an hour each.",

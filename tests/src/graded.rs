@@ -4,11 +4,12 @@
 //! the body's axes, within any 150 ms (49 CFR 563, UN R160). It is drawn evenly; class, car, road, braking and
 //! sensor errors are those of the simulator, with more of what makes a trigger's life hard: slopes to
 //! 10 %, pulses of 60 to 200 ms from nearly square to haversine, front-loaded, with ripple, cars struck while they
-//! stand, three rates of frames, two ranges of the sensor, up to twice the vibration.
+//! stand, cars without wheel speeds, three rates of frames, two ranges of the sensor, up to twice the vibration.
 
 use nalgebra::{Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use reconstruct::simulate::errors::Burst;
 use reconstruct::simulate::scenario::SpeedTarget;
 use reconstruct::simulate::{Class, Pulse, Scenario, Simulated, simulate};
 use schema::num::{real_i64, round_i64};
@@ -24,7 +25,9 @@ pub const RATES: [usize; 3] = [100, 200, 1000];
 /// Range of the small sensor, g: it can not see the peak threshold.
 pub const SMALL_RANGE_G: f64 = 16.0;
 /// Sizes are drawn evenly between these, km/h.
-const SIZES: (f64, f64) = (4.0, 82.0);
+pub const SIZES: (f64, f64) = (4.0, 82.0);
+/// The same for a closer look at the threshold, km/h.
+pub const NEAR: (f64, f64) = (6.5, 9.5);
 /// The drive before the impact is cut to begin so much later than the simulator has it, s.
 const CUT: f64 = 22.0;
 /// A trigger so long after the contact still is that of the crash, s.
@@ -69,8 +72,13 @@ impl Outcome {
     }
 }
 
-/// The scenario of a seed.
-pub fn scenario(seed: u64) -> Scenario {
+/// One car in five sends no wheel speeds.
+pub fn has_wheels(seed: u64) -> bool {
+    !seed.is_multiple_of(5)
+}
+
+/// The scenario of a seed, its size drawn between two figures (km/h).
+pub fn scenario(seed: u64, sizes: (f64, f64)) -> Scenario {
     let turn = |n: u64| usize::try_from(seed % n).unwrap();
     let class = CLASSES[turn(4)];
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -85,7 +93,13 @@ pub fn scenario(seed: u64) -> Scenario {
     scenario.errors.accel_vibration *= shake;
     scenario.errors.rate_vibration *= shake;
     scenario.road.pitch_sd = pick(0.5, 5.0_f64).to_radians();
-    let size = pick(SIZES.0, SIZES.1);
+    if !has_wheels(seed) {
+        scenario.errors.wheel_bursts = vec![Burst {
+            t: -1.0,
+            duration: 1e4,
+        }];
+    }
+    let size = pick(sizes.0, sizes.1);
 
     let plan = &mut scenario.manoeuvre;
     let before = plan.speeds.iter().rfind(|target| target.t <= CUT);
@@ -157,8 +171,8 @@ fn attitude(row: &reconstruct::simulate::TruthRow) -> Rotation3<f64> {
 }
 
 /// Simulates the crash of a seed and plays its frames through the recorder.
-pub fn run(seed: u64) -> Outcome {
-    let simulated = simulate(&scenario(seed)).unwrap();
+pub fn run(seed: u64, sizes: (f64, f64)) -> Outcome {
+    let simulated = simulate(&scenario(seed, sizes)).unwrap();
     let range = simulated.scenario.sheet.accel_range;
     let small_range = range.is_some_and(|range| range < 50.0 * STANDARD_GRAVITY);
     let changes: &[(&str, &str)] = if small_range {

@@ -14,6 +14,8 @@ use crate::{pipeline, recordings};
 
 /// First seed of the crashes; tuning used 1 to 100.
 pub const CRASH_SEEDS: u64 = 81_001;
+/// First seed of the closer look at the threshold.
+pub const NEAR_SEEDS: u64 = 83_001;
 /// First seed of the drives.
 pub const DRIVE_SEEDS: u64 = 91_001;
 /// Crashes at or above the threshold that are asked for.
@@ -61,7 +63,9 @@ pub fn crashes(first: u64) -> Crashes {
     let mut last_seed = first;
     while above.len() < CRASHES {
         let missing = schema::num::u64_of(CRASHES - above.len());
-        for outcome in spread(seed..seed + missing + 1, graded::run) {
+        for outcome in spread(seed..seed + missing + 1, |seed| {
+            graded::run(seed, graded::SIZES)
+        }) {
             if above.len() == CRASHES {
                 break;
             }
@@ -79,6 +83,43 @@ pub fn crashes(first: u64) -> Crashes {
         below,
         last_seed,
     }
+}
+
+/// A closer look at the threshold: so many crashes of sizes about it.
+pub fn near(first: u64, count: u64) -> Vec<graded::Outcome> {
+    spread(first..first + count, |seed| graded::run(seed, graded::NEAR))
+}
+
+/// The table of them.
+pub fn near_table(near: &[graded::Outcome]) -> String {
+    let mut text = "| true change of velocity in 150 ms | n | fire delta-V | 95 % interval |\n|---|---|---|---|\n".to_owned();
+    for (low, high) in [
+        (6.0, 7.0),
+        (7.0, 7.5),
+        (7.5, 7.75),
+        (7.75, 8.0),
+        (8.0, 8.25),
+        (8.25, 8.5),
+        (8.5, 9.0),
+        (9.0, 10.0),
+    ] {
+        let rows: Vec<_> = near
+            .iter()
+            .filter(|c| (low..high).contains(&c.size_kmh))
+            .collect();
+        let fired = rows.iter().filter(|c| c.delta_v.is_some()).count();
+        let (from, to) = share_bounds(fired, rows.len());
+        writeln!(
+            text,
+            "| {low} to {high} km/h | {} | {} | {:.0} to {:.0} % |",
+            rows.len(),
+            percent(fired, rows.len()),
+            100.0 * from,
+            100.0 * to
+        )
+        .unwrap();
+    }
+    text
 }
 
 /// Drives of so many hours (whole drives).
@@ -190,6 +231,11 @@ pub fn crash_table(crashes: &Crashes) -> String {
         crash_row(&mut text, &format!("{rate} Hz, range 80 g"), &rows);
     }
     crash_row(&mut text, "any rate, range 16 g", &of(&|c| c.small_range));
+    crash_row(
+        &mut text,
+        "no wheel speeds",
+        &of(&|c| !graded::has_wheels(c.seed)),
+    );
     for (low, high) in [(2.0, 7.0), (7.0, 7.5), (7.5, 8.0)] {
         let rows: Vec<_> = crashes
             .below
