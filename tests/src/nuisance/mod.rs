@@ -16,13 +16,14 @@ use std::f64::consts::PI;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use recorder::rest::RestLimits;
+use reconstruct::simulate::{Class, Scenario, simulate};
 use recorder::sampler::Peak;
 use recorder::trigger::{Action, Fired, Input, Rules, State};
 use schema::Sample;
 use schema::num::{real, round_i64, round_usize};
 use schema::units::STANDARD_GRAVITY as G;
 
+use crate::crash;
 use events::Kind;
 use route::{Motion, Route, STEP};
 use wave::{normal, pick, sign};
@@ -38,19 +39,10 @@ const RECENT: f64 = 4.0;
 /// Vibration of a 10 ms mean on a good road at 25 m/s, m/s^2.
 const VIBRATION: f64 = 0.3;
 
-/// The default rules of a car with wheels.
+/// The rules that a configuration with the default triggers gives.
 pub fn rules() -> Rules {
-    Rules {
-        peak: Some(50.0 * G),
-        delta_v: Some(8.0 / 3.6),
-        can: Vec::new(),
-        after: 1000,
-        rest: RestLimits {
-            accel_bias: 0.1,
-            rate_bias: 0.2_f64.to_radians(),
-            wheel_cutoff: Some(1.0),
-        },
-    }
+    let simulated = simulate(&Scenario::draw(Class::Still, 1)).unwrap();
+    Rules::of(&crash::settings(&simulated, &[]))
 }
 
 /// A trigger in a drive.
