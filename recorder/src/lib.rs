@@ -28,6 +28,7 @@ pub mod event;
 pub mod health;
 pub mod imu_stream;
 pub mod keys;
+pub mod level;
 pub mod live;
 pub mod log_source;
 pub mod pace;

@@ -421,6 +421,10 @@ impl<'a> Pipeline<'a> {
                 self.sampler.unplaced()
             ));
         }
+        notes.extend(crate::health::sender_notes(
+            self.sampler.streams(),
+            &self.paces,
+        ));
         let health = Health {
             frames_seen: self.totals.frames,
             frames_dropped: self.facts.as_ref().map_or(0, |facts| facts.dropped),
