@@ -57,9 +57,7 @@ impl Frame {
             flags,
             ..Self::empty()
         };
-        for &byte in data {
-            frame.push(byte);
-        }
+        frame.fill(data);
         frame
     }
 
@@ -90,6 +88,15 @@ impl Frame {
     /// Forgets the payload.
     pub const fn clear(&mut self) {
         self.len = 0;
+    }
+
+    /// Takes this payload, cut at 64 bytes.
+    pub fn fill(&mut self, data: &[u8]) {
+        let data = data.get(..MAX_DATA).unwrap_or(data);
+        if let Some(slots) = self.bytes.get_mut(..data.len()) {
+            slots.copy_from_slice(data);
+        }
+        self.len = u8::try_from(data.len()).unwrap_or_default();
     }
 
     /// Appends a byte; false when 64 are there already.

@@ -14,10 +14,12 @@ use schema::seal::Hex;
 use schema::units::{MetersPerSecond, MetersPerSecondSquared};
 use serde::Serialize;
 
-use crate::check::{CheckReport, check};
+use crate::check::{CheckReport, check, check_live};
 use crate::config::Settings;
+use crate::daemon::status::kind_word;
 use crate::error::RecorderError;
 use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
+use crate::socket::Sockets;
 use crate::store;
 
 /// Everything went well.
@@ -58,9 +60,6 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Make, show and change the device's key.
-    #[command(subcommand)]
-    Key(key::KeyCommand),
     /// Record from the CAN interfaces until told to stop: the daemon.
     Run {
         /// Configuration (TOML).
@@ -100,14 +99,18 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Say whether a configuration is valid and, with a log, whether each mapped signal arrives.
+    /// Make, show and change the device's key.
+    #[command(subcommand)]
+    Key(key::KeyCommand),
+    /// Say whether a configuration is valid and whether each mapped signal arrives: in logs, or with --for on the live
+    /// bus.
     Check {
         /// Configuration (TOML).
         #[arg(long)]
         config: PathBuf,
         /// Logs to look at.
         logs: Vec<PathBuf>,
-        /// Look at so many seconds only.
+        /// Look at so many seconds of the logs; without a log, listen to the interfaces for so long.
         #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
         seconds: Option<f64>,
         /// Take the log's interface NAME for the configured one; repeatable.
@@ -366,6 +369,11 @@ fn run_check(
     json: bool,
 ) -> Result<u8, RecorderError> {
     let settings = Settings::load(config)?;
+    if let (true, Some(seconds)) = (logs.is_empty(), seconds) {
+        let mut sockets = Sockets::open(&settings)?;
+        let report = check_live(&settings, &mut sockets, seconds)?;
+        return tell_check(&report, json);
+    }
     if logs.is_empty() {
         print(if json {
             "{\"valid\":true}"
@@ -375,10 +383,14 @@ fn run_check(
         return Ok(SOUND);
     }
     let report = check(&settings, inputs(logs), map, seconds)?;
+    tell_check(&report, json)
+}
+
+fn tell_check(report: &CheckReport, json: bool) -> Result<u8, RecorderError> {
     if json {
-        print(&serde_json::to_string(&report).unwrap_or_default())?;
+        print(&serde_json::to_string(report).unwrap_or_default())?;
     } else {
-        print_check(&report)?;
+        print_check(report)?;
     }
     Ok(if report.warnings.is_empty() {
         SOUND
@@ -413,14 +425,4 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
         print(&format!("warning: {warning}"))?;
     }
     Ok(())
-}
-
-/// A trigger in words.
-fn kind_word(kind: TriggerKind) -> &'static str {
-    match kind {
-        TriggerKind::Peak => "peak",
-        TriggerKind::DeltaV => "delta-v",
-        TriggerKind::Manual => "manual",
-        TriggerKind::Can => "can",
-    }
 }

@@ -12,6 +12,10 @@
 
 pub mod crash;
 pub mod drive;
+pub mod graded;
 pub mod log;
+pub mod nuisance;
 pub mod pipeline;
 pub mod recordings;
+pub mod statistics;
+pub mod trigger_report;

@@ -123,9 +123,10 @@ impl Daemon {
             .map(|finding| format!("self-test of {utc}: {}", finding.text()))
             .collect();
         for finding in &findings {
-            match finding {
-                Finding::Fault(_) => tracing::warn!("self-test: {}", finding.text()),
-                _ => tracing::info!("self-test: {}", finding.text()),
+            if let Finding::Fault(_) = finding {
+                tracing::warn!("self-test: {}", finding.text());
+            } else {
+                tracing::info!("self-test: {}", finding.text());
             }
         }
         for finding in &mut self.findings {

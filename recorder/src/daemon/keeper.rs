@@ -3,45 +3,51 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use schema::Record;
+use schema::{Record, num};
 
 use super::sealer::{Keeper, Kept, Refused};
 use crate::config::Settings;
 use crate::error::RecorderError;
+use crate::keys;
 use crate::storage::Storage;
-use crate::store;
+use crate::store::{Vault, VaultError};
 
-struct Plain {
+struct InVault {
+    vault: Vault,
     storage: Arc<dyn Storage>,
     dir: PathBuf,
-    number: u64,
 }
 
-impl Keeper for Plain {
-    fn seal(&mut self, mut record: Record) -> Result<Kept, Box<Refused>> {
-        record.header.number = self.number + 1;
-        match store::save(&record, &self.dir) {
-            Ok((path, _)) => {
-                self.number += 1;
+impl Keeper for InVault {
+    fn seal(&mut self, record: Record) -> Result<Kept, Box<Refused>> {
+        match self.vault.seal(record) {
+            Ok(sealed) => {
+                let mut notes = sealed.notes;
+                if sealed.already {
+                    notes.push("the event had been sealed already".to_owned());
+                }
+                notes.extend(
+                    sealed
+                        .removed
+                        .iter()
+                        .map(|path| format!("{} was removed for it", path.display())),
+                );
                 Ok(Kept {
-                    path,
-                    number: self.number,
-                    notes: Vec::new(),
+                    path: sealed.path,
+                    number: sealed.number,
+                    notes,
                 })
             }
             Err(error) => Err(Box::new(Refused {
-                record,
                 reason: error.to_string(),
+                hopeless: matches!(error, VaultError::Record { .. }),
+                record: error.into_record(),
             })),
         }
     }
 
     fn stored(&self) -> u64 {
-        let files = self.storage.list(&self.dir).unwrap_or_default();
-        let records = files
-            .iter()
-            .filter(|path| path.extension().is_some_and(|end| end == "svb"));
-        schema::num::u64_of(records.count())
+        num::u64_of(self.vault.records().count())
     }
 
     fn free_bytes(&self) -> u64 {
@@ -49,15 +55,38 @@ impl Keeper for Plain {
     }
 }
 
-/// Opens the store; with sentences on what was mended.
+/// An open store.
+pub(super) struct Opened {
+    pub(super) keeper: Box<dyn Keeper>,
+    /// Records are signed.
+    pub(super) signed: bool,
+    /// What was mended, one sentence each.
+    pub(super) notes: Vec<String>,
+}
+
+/// Opens the store.
 pub(super) fn open_keeper(
     storage: &Arc<dyn Storage>,
     settings: &Settings,
-) -> Result<(Box<dyn Keeper>, Vec<String>), RecorderError> {
-    let plain = Plain {
+) -> Result<Opened, RecorderError> {
+    let store = &settings.store;
+    let key = keys::load(store)?;
+    let signed = key.is_some();
+    let (vault, notes) = Vault::open(
+        Arc::clone(storage),
+        &store.dir,
+        num::usize_of(u64::from(store.keep)),
+        key,
+        store.encrypt_to.as_deref(),
+    )?;
+    let keeper = InVault {
+        vault,
         storage: Arc::clone(storage),
-        dir: settings.store.dir.clone(),
-        number: 0,
+        dir: store.dir.clone(),
     };
-    Ok((Box::new(plain), Vec::new()))
+    Ok(Opened {
+        keeper: Box::new(keeper),
+        signed,
+        notes,
+    })
 }

@@ -48,6 +48,8 @@ pub struct Refused {
     pub record: Record,
     /// Why.
     pub reason: String,
+    /// Trying again does not help.
+    pub hopeless: bool,
 }
 
 /// What the thread tells.
@@ -152,6 +154,10 @@ fn work(mut keeper: Box<dyn Keeper>, from: &Receiver<(Record, i64)>, tell: &Send
                         count: waiting.len(),
                         reason: String::new(),
                     });
+                }
+                Err(refused) if refused.hopeless => {
+                    let reason = refused.reason;
+                    let _ = tell.send(Told::Lost { reason });
                 }
                 Err(refused) => {
                     waiting.push_front((refused.record, trigger_ns));

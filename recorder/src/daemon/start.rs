@@ -18,7 +18,7 @@ use thread_priority::{
 };
 
 use super::control::{Control, Shared};
-use super::keeper::open_keeper;
+use super::keeper::{Opened, open_keeper};
 use super::paced::Paced;
 use super::sealer::{Keeper, Sealer};
 use super::self_test::SelfTest;
@@ -31,6 +31,7 @@ use crate::live::LiveSource;
 use crate::pipeline::{Observer, Pipeline};
 use crate::recovery::{Recovered, recover};
 use crate::replay::LogInput;
+use crate::socket::Sockets;
 use crate::spool::{self, Entry, Journal, SpoolFile, Syncer};
 use crate::storage::{Disk, Storage};
 
@@ -55,11 +56,14 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     let _only = lock(&settings.store.dir)?;
     let signals = signals()?;
     let storage: Arc<dyn Storage> = Arc::new(Disk);
-    let (mut keeper, notes) = open_keeper(&storage, &settings)?;
+    let Opened {
+        mut keeper,
+        signed,
+        notes,
+    } = open_keeper(&storage, &settings)?;
     for note in notes {
         tracing::warn!("{note}");
     }
-    let signed = settings.store.key.is_some();
     let mut recovered = read_back(storage.as_ref(), &settings);
     let unsealed = seal_recovered(&mut recovered, keeper.as_mut());
     let sealer = Sealer::start(keeper)?;
@@ -113,6 +117,8 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         daemon.sealer.seal(record, trigger_ns);
         daemon.spool_error = Some("an unfinished event waits for room on the disk, and the spool holds its only durable copy".to_owned());
     }
+    // This thread, and the spool's which is begun below; those of records and socket are not in a hurry.
+    privileges(&settings);
     if settings.spool.enabled && daemon.spool_error.is_none() {
         match begin_spool(&storage, &settings, &bundle, &recovered) {
             Ok(syncer) => daemon.syncer = Some(syncer),
@@ -127,7 +133,6 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         at_ns: now,
         bundle: digest,
     });
-    privileges(&settings);
     let _ = sd_notify::notify(&[NotifyState::Ready]);
     tracing::info!(config = %options.config.display(), "recording");
     let done = daemon.run();
@@ -199,7 +204,7 @@ fn seal_recovered(
         let utc = first.saturating_add(record.header.clock.offset_ns);
         match keeper.seal(record) {
             Ok(kept) => {
-                tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed")
+                tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed");
             }
             Err(refused) => {
                 tracing::error!("an unfinished event waits in memory: {}", refused.reason);
@@ -231,16 +236,10 @@ fn begin_spool(
 
 fn source(settings: &Settings, options: &Options) -> Result<Box<dyn LiveSource>, RecorderError> {
     if options.paced.is_empty() {
-        return open_sockets(settings);
+        return Ok(Box::new(Sockets::open(settings)?));
     }
     let inputs = options.paced.iter().cloned().map(LogInput::File).collect();
     Ok(Box::new(Paced::open(settings, inputs, &options.map)?))
-}
-
-fn open_sockets(_: &Settings) -> Result<Box<dyn LiveSource>, RecorderError> {
-    Err(RecorderError::io("can", "open")(
-        std::io::ErrorKind::Unsupported.into(),
-    ))
 }
 
 /// Priority and memory as configured. What is not allowed is told; recording goes on without.
@@ -255,7 +254,7 @@ fn privileges(settings: &Settings) {
     }
     if let Some(priority) = settings.run.realtime_priority {
         let value = ThreadPriorityValue::try_from(priority);
-        let set = value.map_err(|error| format!("{error}")).and_then(|value| {
+        let set = value.and_then(|value| {
             set_thread_priority_and_policy(
                 thread_native_id(),
                 ThreadPriority::Crossplatform(value),

@@ -162,6 +162,7 @@ pub fn kind_word(kind: TriggerKind) -> &'static str {
         TriggerKind::DeltaV => "delta-v",
         TriggerKind::Manual => "manual",
         TriggerKind::Can => "can",
+        TriggerKind::PowerLoss => "power-loss",
     }
 }
 
@@ -225,31 +226,7 @@ impl Status {
                 }
             )?;
         }
-        let totals = &self.totals;
-        writeln!(
-            out,
-            "totals    {} frames, {} dropped, {} late, {} gaps, {} malformed, {} out of range, {} clock steps",
-            totals.frames,
-            totals.dropped,
-            totals.late,
-            totals.gaps,
-            totals.malformed,
-            totals.out_of_range,
-            totals.clock_steps
-        )?;
-        writeln!(
-            out,
-            "largest   {:.1} km/h within 150 ms, {:.1} g in a frame",
-            totals.largest_delta_v_kmh, totals.largest_peak_g
-        )?;
-        match &self.last_trigger {
-            None => writeln!(out, "trigger   none since the start")?,
-            Some(last) => writeln!(
-                out,
-                "trigger   {} at {} ({:.2}, threshold {:.2})",
-                last.kind, last.utc, last.value, last.threshold
-            )?,
-        }
+        self.write_totals(out)?;
         let records = &self.records;
         writeln!(
             out,
@@ -277,6 +254,35 @@ impl Status {
         }
         if self.alarms.is_empty() {
             writeln!(out, "no alarms")?;
+        }
+        Ok(())
+    }
+
+    fn write_totals(&self, out: &mut String) -> std::fmt::Result {
+        let totals = &self.totals;
+        writeln!(
+            out,
+            "totals    {} frames, {} dropped, {} late, {} gaps, {} malformed, {} out of range, {} clock steps",
+            totals.frames,
+            totals.dropped,
+            totals.late,
+            totals.gaps,
+            totals.malformed,
+            totals.out_of_range,
+            totals.clock_steps
+        )?;
+        writeln!(
+            out,
+            "largest   {:.1} km/h within 150 ms, {:.1} g in a frame",
+            totals.largest_delta_v_kmh, totals.largest_peak_g
+        )?;
+        match &self.last_trigger {
+            None => writeln!(out, "trigger   none since the start")?,
+            Some(last) => writeln!(
+                out,
+                "trigger   {} at {} ({:.2}, threshold {:.2})",
+                last.kind, last.utc, last.value, last.threshold
+            )?,
         }
         Ok(())
     }

@@ -118,7 +118,9 @@ impl Syncer {
         Ok(Self {
             to: Some(to),
             back,
-            spare: vec![Vec::with_capacity(64 * 1024); BUFFERS],
+            spare: (0..BUFFERS)
+                .map(|_| Vec::with_capacity(64 * 1024))
+                .collect(),
             state,
             thread: Some(thread),
         })
