@@ -2,7 +2,7 @@
 //!
 //! The figure is the resultant of the horizontal change of speed over the 150 ms (UN R160) or the 300 ms (49 CFR
 //! 563.5, "maximum delta-V") in which it is largest, from the record's own samples, with gravity, slope and bias taken
-//! out as trigger 2 does ([`crate::delta_v`]). Where an accelerometer stood at its limit in that time the figure is a
+//! out as trigger 2 does ([`crate::level`]). Where an accelerometer stood at its limit in that time the figure is a
 //! lower bound, by as much as one half; the limit is then half as high. It follows from the record alone.
 
 use schema::Record;
