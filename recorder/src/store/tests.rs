@@ -54,6 +54,7 @@ fn crash(number: i64, kmh: f64) -> Record {
         let mut sample = support::sample(k);
         let pulse = if (100..110).contains(&k) { -scale } else { 0.0 };
         sample.accel = [Some(pulse), Some(pulse), Some(-9.8)];
+        (sample.wheels, sample.rate) = ([Some(13.0); 2], [Some(0.0); 3]);
         (k, packer.packed(&sample))
     });
     record.blocks = schema::block::cut(samples.collect::<Vec<_>>(), &support::GRID);
