@@ -1,4 +1,5 @@
-//! A file system in memory that knows what a loss of power may leave: the tests' side of the [`Storage`] door.
+//! A file system in memory that knows what a loss of power may leave: the tests' side of the
+//! [`Storage`](super::Storage) door.
 //!
 //! [`Model`] does what a file system does and notes every change. [`Model::after_cut`] then gives a file system as a
 //! cut after any of these changes may have left it:
