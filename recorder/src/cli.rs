@@ -1,5 +1,7 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
+mod serve;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -72,6 +74,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Read the records out over a serial line, to who knows the token.
+    Serve(serve::Args),
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -131,6 +135,7 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_check(&config, &logs, seconds, map, json),
+        Command::Serve(args) => serve::run(args, &mut err),
     };
     match done {
         Ok(code) => ExitCode::from(code),

@@ -39,6 +39,14 @@ pub enum RecorderError {
         /// Configured names.
         known: String,
     },
+    /// The read-out over a serial line could not go on.
+    #[error("{device}: {found}")]
+    Serial {
+        /// The device.
+        device: String,
+        /// What was found.
+        found: String,
+    },
     /// The record could not be written.
     #[error("{}: {source}", path.display())]
     Record {

@@ -13,6 +13,7 @@
 //!    never more memory than [`limits`] allow.
 //! 7. [`seal`]: the digest over every byte before it, and the signature's place.
 //! 8. [`salvage`]: what a damaged file still gives, with its damage by name.
+//! 9. [`serial`]: the words in which a record is read out over a serial line.
 //!
 //! Every byte is laid down in `schema/FORMAT.md`.
 
@@ -32,6 +33,7 @@ pub mod salvage;
 pub mod sample;
 pub mod scale;
 pub mod seal;
+pub mod serial;
 pub mod time;
 pub mod units;
 pub(crate) mod wire;
