@@ -7,7 +7,7 @@
 pub mod session;
 pub mod shelf;
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -110,7 +110,7 @@ fn attend(
     let mut buffer = [0; 4096];
     let ended = session.ended();
     let mut random = true;
-    while !stop.load(Ordering::Relaxed) && !(once && session.ended() > ended) {
+    while !(stop.load(Ordering::Relaxed) || once && session.ended() > ended) {
         match port.read(&mut buffer) {
             Ok(0) => return Err("read: the device is gone".to_owned()),
             Ok(count) => {

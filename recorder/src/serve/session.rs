@@ -150,7 +150,7 @@ impl Session {
                 // The tag held, so the session is open; its keys tag the answer.
                 let keys = keys.cloned()?;
                 self.noise = 0;
-                let response = self.serve(request);
+                let response = self.serve(&request);
                 Some(response.packet(head, Some(&keys)))
             }
             Err(MessageError::Version(_)) => away(Refusal::Version(VERSION.into())),
@@ -242,8 +242,8 @@ impl Session {
         welcome.packet(head, None)
     }
 
-    fn serve(&mut self, request: Request) -> Response {
-        match request {
+    fn serve(&mut self, request: &Request) -> Response {
+        match *request {
             Request::List { first } => {
                 let (next, entries) = self.shelf.page(first);
                 Response::Page {
