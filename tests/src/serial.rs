@@ -118,14 +118,19 @@ impl Noise {
             if burst > 0 {
                 burst -= 1;
                 out.push(rng.random());
-            } else if rng.random_bool(self.rate) {
-                // Lost.
-            } else if rng.random_bool(self.rate) {
-                out.extend([*byte; 2]);
-            } else if rng.random_bool(self.rate) {
-                out.push(byte ^ (1 << rng.random_range(0..8)));
+                continue;
+            }
+            let [lost, doubled, changed] = [(); 3].map(|()| rng.random_bool(self.rate));
+            let flip = if changed {
+                1 << rng.random_range(0..8)
             } else {
-                out.push(*byte);
+                0
+            };
+            if !lost {
+                out.push(byte ^ flip);
+            }
+            if doubled {
+                out.push(byte ^ flip);
             }
         }
         out
