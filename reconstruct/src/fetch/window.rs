@@ -12,8 +12,10 @@ use schema::serial::{Entry, MAX_DATA, Request, Response};
 use super::FetchError;
 use super::link::{Link, Port};
 
-/// Requests under way.
-const WINDOW: usize = 4;
+/// Most bytes that are asked for and not here.
+const WINDOW_BYTES: usize = 4 * MAX_DATA;
+/// Most requests under way.
+const WINDOW: usize = 16;
 /// Fewest bytes that are asked for at once.
 const LEAST: u16 = 64;
 /// Answers in a row after which more is asked for at once.
@@ -95,7 +97,8 @@ pub fn read<P: Port>(
 
 impl Window {
     fn fill<P: Port>(&mut self, link: &mut Link<P>, entry: &Entry) -> Result<(), FetchError> {
-        while self.asked.len() < WINDOW {
+        while self.asked.len() < WINDOW && self.under_way() + usize::from(self.size) <= WINDOW_BYTES
+        {
             let (offset, length) = if let Some((offset, length)) = self.lost.pop_first() {
                 let now = length.min(self.size);
                 if now < length {
@@ -130,6 +133,11 @@ impl Window {
             link.send(number, &request)?;
         }
         Ok(())
+    }
+
+    fn under_way(&self) -> usize {
+        let lengths = self.asked.iter().map(|asked| usize::from(asked.length));
+        lengths.sum()
     }
 
     fn came(&mut self, number: u32, offset: u64, bytes: Vec<u8>) {
