@@ -2,7 +2,7 @@
 //! other, without the line itself. Pure and total: no I/O, no clock, and any bytes give a value or an error. Every
 //! byte is laid down in `recorder/SERIAL.md`.
 //!
-//! 1. [`line`]: packets between zero bytes, each behind a CRC-32C; a damaged one is never taken for a whole one.
+//! 1. [`mod@line`]: packets between zero bytes, each behind a CRC-32C; a damaged one is never taken for a whole one.
 //! 2. [`message`]: what a packet says: requests, each repeatable, and the response to each.
 //! 3. [`auth`]: both sides prove that they know the token without sending it; then every packet is tagged.
 
