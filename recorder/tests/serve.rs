@@ -44,7 +44,7 @@ impl Bench {
         let mut back = Vec::new();
         let mut nonce = || Some(SERVER_NONCE);
         self.server.receive(bytes, &mut nonce, &mut |bytes| {
-            back.extend_from_slice(bytes)
+            back.extend_from_slice(bytes);
         });
         let mut deframer = Deframer::default();
         back.into_iter()
