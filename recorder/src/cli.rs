@@ -2,6 +2,7 @@
 
 mod daemon;
 mod key;
+mod serve;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -120,6 +121,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Read the records out over a serial line, to who knows the token.
+    Serve(serve::Args),
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -192,6 +195,7 @@ pub fn run(args: Args) -> ExitCode {
             socket,
             json,
         } => daemon::trigger(config.as_deref(), socket, json),
+        Command::Serve(args) => serve::run(args, &mut err),
     };
     match done {
         Ok(code) => ExitCode::from(code),

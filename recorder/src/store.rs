@@ -17,6 +17,7 @@ pub use vault::{Held, RESERVE_BYTES, Sealed, Vault};
 
 use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use schema::time::Stamp;
@@ -132,12 +133,14 @@ fn name_of(utc_ns: i64, number: u64, copy: u32, encrypted: bool) -> String {
 /// # Errors
 /// When another program holds it (`WouldBlock`), or the folder can not be used.
 pub fn claim(dir: &Path) -> Result<File, RecorderError> {
-    let path = dir.join(".claim");
+    // The daemon's own: it holds the same lock on the same file.
+    let path = dir.join("recorder.lock");
     let held = fs::create_dir_all(dir).and_then(|()| {
         let file = File::options()
             .write(true)
             .create(true)
             .truncate(false)
+            .mode(0o640)
             .open(&path)?;
         match file.try_lock() {
             Ok(()) => Ok(file),
