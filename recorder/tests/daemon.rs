@@ -189,6 +189,42 @@ fn it_tells_its_state_takes_a_trigger_and_seals_what_runs_when_it_is_stopped() {
 }
 
 #[test]
+fn whatever_is_said_on_the_socket_it_goes_on() {
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixStream;
+    let mut daemon = Daemon::start(folder("hostile"), drive(40.0), &[]);
+    let junk: Vec<Vec<u8>> = vec![
+        vec![],
+        vec![0xFF; 100_000],
+        b"status".to_vec(),
+        b"format c:\n".to_vec(),
+        vec![b'\n'; 1000],
+    ];
+    let mut open = Vec::new();
+    for bytes in junk.iter().cycle().take(40) {
+        let Ok(mut stream) = UnixStream::connect(daemon.dir.join("sock")) else {
+            continue;
+        };
+        let _ = stream.write_all(bytes);
+        open.push(stream);
+    }
+    // More than it serves at a time hang on; when they go it serves again.
+    let mut answer = String::new();
+    for mut stream in open {
+        stream
+            .set_read_timeout(Some(Duration::from_millis(10)))
+            .unwrap();
+        let _ = stream.read_to_string(&mut answer);
+    }
+    assert!(
+        answer.contains("expected status, watch or trigger, found `format c:`"),
+        "{answer}"
+    );
+    daemon.until("it answers", |status| status["state"] == "recording");
+    daemon.stop();
+}
+
+#[test]
 fn two_daemons_do_not_share_a_folder_and_nobody_answers_where_none_runs() {
     let mut daemon = Daemon::start(folder("two"), drive(30.0), &[]);
     let second = program(

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use recorder::can::{Frame, FrameSource, Interfaces};
-use recorder::config::Settings;
+use recorder::config::{Bundle, Settings};
 use recorder::log_source::{LogInput, Merged};
 use recorder::pipeline::Pipeline;
 use recorder::recovery::{Recovered, recover};
@@ -348,4 +348,31 @@ fn a_spool_of_any_bytes_is_read_without_harm() {
             .newest()
             == 0
     );
+}
+
+#[test]
+fn a_bundle_comes_back_and_any_other_bytes_are_refused() {
+    use rand::{RngExt, SeedableRng};
+    let (settings, bundle) = Settings::load_bundled(&etc().join("recorder.toml")).unwrap();
+    let bytes = bundle.to_bytes();
+    let back = Bundle::from_bytes(Path::new("x"), &bytes).unwrap();
+    assert_eq!(back, bundle);
+    assert_eq!(
+        back.settings().unwrap().config_sha256,
+        settings.config_sha256
+    );
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(83_002);
+    for _ in 0..2000 {
+        let mut broken = bytes.clone();
+        for _ in 0..random.random_range(1..20) {
+            let at = random.random_range(0..broken.len());
+            broken[at] = random.random();
+        }
+        broken.truncate(random.random_range(0..=broken.len()));
+        if let Ok(other) = Bundle::from_bytes(Path::new("x"), &broken)
+            && other != bundle
+        {
+            assert_ne!(other.digest(), bundle.digest());
+        }
+    }
 }

@@ -51,6 +51,7 @@ impl Daemon {
         for told in told {
             self.told(told);
         }
+        self.begin_spool();
         self.look_for_silence(now);
         self.test(now);
         if now - self.counts_ns >= COUNTS_NS || now < self.counts_ns {

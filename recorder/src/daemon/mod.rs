@@ -40,6 +40,8 @@ use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Syncer};
 const WAIT_NS: i64 = 20_000_000;
 /// Time between two looks at everything but frames, ns.
 const HOUSE_NS: i64 = 100_000_000;
+/// Time between two tries to begin the spool, ns.
+const AGAIN_NS: i64 = 10_000_000_000;
 
 /// What has become of the signals from outside.
 #[derive(Clone, Debug, Default)]
@@ -60,6 +62,9 @@ struct Daemon {
     journal: Journal,
     syncer: Option<Syncer>,
     spool_error: Option<String>,
+    /// Begins the spool; tried again while it can not be.
+    begin: Box<dyn Fn() -> Result<Syncer, RecorderError>>,
+    begun_ns: i64,
     sealer: Sealer,
     self_test: Rc<RefCell<SelfTest>>,
     findings: Vec<String>,
@@ -244,6 +249,36 @@ impl Daemon {
         }
     }
 
+    /// Begins the spool where that is asked for and nothing of an earlier run waits in it.
+    fn begin_spool(&mut self) {
+        let clock = monotonic_ns();
+        let due = self.begun_ns == 0 || clock - self.begun_ns >= AGAIN_NS;
+        if !self.settings.spool.enabled || self.syncer.is_some() || !due {
+            return;
+        }
+        if self.waiting.is_some() && self.records.sealed == 0 {
+            self.spool_error = Some(
+                "an event of an earlier run waits for room on the disk, and the spool holds its only durable copy"
+                    .to_owned(),
+            );
+            return;
+        }
+        self.begun_ns = clock;
+        match (self.begin)() {
+            Ok(syncer) => {
+                self.syncer = Some(syncer);
+                self.spool_error = None;
+                let at_ns = self.source.now_ns();
+                let bundle = self.bundle;
+                self.spool(&Entry::Session { at_ns, bundle });
+            }
+            Err(error) => {
+                tracing::error!("the ring is in memory only: {error}");
+                self.spool_error = Some(error.to_string());
+            }
+        }
+    }
+
     /// What the sealer told.
     fn told(&mut self, told: Told) {
         match told {
@@ -293,6 +328,11 @@ impl Daemon {
                 );
             }
             Ok((settings, bundle)) => {
+                if start::needs_restart(&self.settings, &settings) {
+                    tracing::warn!(
+                        "[store], [spool], [run] and the key are taken over at the next start"
+                    );
+                }
                 let stored = start::store_bundle(&self.settings, &bundle);
                 match stored {
                     Ok(digest) => self.bundle = digest,

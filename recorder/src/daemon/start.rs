@@ -32,7 +32,7 @@ use crate::pipeline::{Observer, Pipeline};
 use crate::recovery::{Recovered, recover};
 use crate::replay::LogInput;
 use crate::socket::Sockets;
-use crate::spool::{self, Entry, Journal, SpoolFile, Syncer};
+use crate::spool::{self, Found, Journal, SpoolFile, Syncer};
 use crate::storage::{Disk, Storage};
 
 /// What `recorder run` is asked for.
@@ -75,6 +75,10 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     let observed = Rc::clone(&self_test);
     let observer: Observer<'static> =
         Box::new(move |_, sample: &Sample| observed.borrow_mut().sample(sample));
+    let begin = {
+        let (settings, found) = (Arc::clone(&settings), std::mem::take(&mut recovered.found));
+        Box::new(move || begin_spool(&storage, &settings, &bundle, &found))
+    };
     let mut daemon = Daemon {
         config: options.config.clone(),
         bundle: digest,
@@ -83,6 +87,8 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         journal: Journal::new(),
         syncer: None,
         spool_error: None,
+        begin,
+        begun_ns: 0,
         sealer,
         self_test,
         findings: Vec::new(),
@@ -112,27 +118,15 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         lost: 0,
         settings: Arc::clone(&settings),
     };
+    let left = unsealed.len();
     for (record, trigger_ns) in unsealed {
-        // What is left of an earlier run and found no room stays in the spool too, which is not written until it has.
         daemon.sealer.seal(record, trigger_ns);
-        daemon.spool_error = Some("an unfinished event waits for room on the disk, and the spool holds its only durable copy".to_owned());
     }
+    // What is left of an earlier run and found no room is in the spool too, which is not written until it has.
+    daemon.waiting = (left > 0).then(|| format!("{left} records wait in memory for the disk"));
     // This thread, and the spool's which is begun below; those of records and socket are not in a hurry.
     privileges(&settings);
-    if settings.spool.enabled && daemon.spool_error.is_none() {
-        match begin_spool(&storage, &settings, &bundle, &recovered) {
-            Ok(syncer) => daemon.syncer = Some(syncer),
-            Err(error) => {
-                tracing::error!("the ring is in memory only: {error}");
-                daemon.spool_error = Some(error.to_string());
-            }
-        }
-    }
-    let now = daemon.source.now_ns();
-    daemon.spool(&Entry::Session {
-        at_ns: now,
-        bundle: digest,
-    });
+    daemon.begin_spool();
     let _ = sd_notify::notify(&[NotifyState::Ready]);
     tracing::info!(config = %options.config.display(), "recording");
     let done = daemon.run();
@@ -219,16 +213,16 @@ fn begin_spool(
     storage: &Arc<dyn Storage>,
     settings: &Settings,
     bundle: &Bundle,
-    recovered: &Recovered,
+    found: &Found,
 ) -> Result<Syncer, RecorderError> {
     let digest = spool::bundles::store(storage.as_ref(), &settings.spool.file, bundle)?;
     spool::bundles::forget(storage.as_ref(), &settings.spool.file, &[digest])?;
-    let session = recovered.found.session().wrapping_add(1).max(1);
+    let session = found.session().wrapping_add(1).max(1);
     let file = SpoolFile::begin(
         storage,
         &settings.spool.file,
         spool::blocks_for(settings),
-        &recovered.found,
+        found,
         session,
     )?;
     Syncer::start(file, monotonic_ns)
@@ -276,6 +270,15 @@ pub(super) fn reload(
     let (settings, bundle) = Settings::load_bundled(config)?;
     source.reconfigure(&settings)?;
     Ok((settings, bundle))
+}
+
+/// Whether something changed that is only looked at when the daemon starts.
+pub(super) fn needs_restart(old: &Settings, new: &Settings) -> bool {
+    let of = |settings: &Settings| {
+        let (store, spool, run) = (&settings.store, &settings.spool, &settings.run);
+        format!("{store:?} {spool:?} {run:?}")
+    };
+    of(old) != of(new)
 }
 
 /// Stores the bundle of the settings in force from now on.
