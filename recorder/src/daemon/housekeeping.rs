@@ -201,7 +201,7 @@ impl Daemon {
             .collect()
     }
 
-    fn spool_status(&self, now: i64) -> SpoolStatus {
+    fn look_at_spool(&self, now: i64) -> SpoolStatus {
         let settings = &self.settings.spool;
         let Some(syncer) = &self.syncer else {
             return SpoolStatus::default();
@@ -237,6 +237,10 @@ impl Daemon {
     }
 
     fn status(&mut self, now: i64) -> Status {
+        let clock = monotonic_ns();
+        if clock - self.spool_status.0 >= COUNTS_NS {
+            self.spool_status = (clock, self.look_at_spool(now));
+        }
         let totals = self.pipeline.totals();
         let (held, capacity) = self.pipeline.fill();
         let interfaces = self.source.interfaces().to_vec();
@@ -279,7 +283,7 @@ impl Daemon {
             interfaces,
             last_trigger: self.last_trigger.clone(),
             records: self.records.clone(),
-            spool: self.spool_status(now),
+            spool: self.spool_status.1.clone(),
             self_test: self.findings.clone(),
             alarms: Vec::new(),
         };

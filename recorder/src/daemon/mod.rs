@@ -78,6 +78,8 @@ struct Daemon {
     flushed_ns: i64,
     house_ns: i64,
     counts_ns: i64,
+    /// The spool's state, looked at once a second, and when.
+    spool_status: (i64, status::SpoolStatus),
     watchdog_ns: Option<i64>,
     watched_ns: i64,
     urgent: bool,

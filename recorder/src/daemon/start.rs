@@ -22,7 +22,7 @@ use super::keeper::{Opened, open_keeper};
 use super::paced::Paced;
 use super::sealer::{Keeper, Sealer};
 use super::self_test::SelfTest;
-use super::status::RecordsStatus;
+use super::status::{RecordsStatus, SpoolStatus};
 use super::{Daemon, Signals};
 use crate::clock::monotonic_ns;
 use crate::config::{Bundle, Settings};
@@ -102,6 +102,7 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         flushed_ns: monotonic_ns(),
         house_ns: 0,
         counts_ns: 0,
+        spool_status: (0, SpoolStatus::default()),
         watchdog_ns: sd_notify::watchdog_enabled()
             .map(|period| i64::try_from(period.as_nanos()).unwrap_or(i64::MAX)),
         watched_ns: 0,
