@@ -189,6 +189,40 @@ fn it_tells_its_state_takes_a_trigger_and_seals_what_runs_when_it_is_stopped() {
 }
 
 #[test]
+fn the_service_manager_hears_that_it_is_ready_alive_and_stopping() {
+    use std::os::unix::net::UnixDatagram;
+    let dir = folder("notify");
+    let heard = UnixDatagram::bind(dir.join("notify")).unwrap();
+    heard
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    write_config(&dir, &[]);
+    fs::write(dir.join("drive.log"), drive(60.0)).unwrap();
+    let child = Command::new(env!("CARGO_BIN_EXE_recorder"))
+        .args(["run", "--config", "recorder.toml", "--paced", "drive.log"])
+        .current_dir(&dir)
+        .env("NOTIFY_SOCKET", dir.join("notify"))
+        .env("WATCHDOG_USEC", "600000")
+        .env_remove("WATCHDOG_PID")
+        .stdin(Stdio::null())
+        .stderr(fs::File::create(dir.join("err.txt")).unwrap())
+        .spawn()
+        .unwrap();
+    let mut daemon = Daemon { dir, child };
+    let next = || {
+        let mut bytes = [0; 256];
+        let count = heard.recv(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes[..count]).trim().to_owned()
+    };
+    assert_eq!(next(), "READY=1");
+    for _ in 0..5 {
+        assert_eq!(next(), "WATCHDOG=1");
+    }
+    daemon.stop();
+    while next() != "STOPPING=1" {}
+}
+
+#[test]
 fn whatever_is_said_on_the_socket_it_goes_on() {
     use std::io::{Read, Write};
     use std::os::unix::net::UnixStream;

@@ -113,6 +113,7 @@ impl Syncer {
         };
         let thread = thread::Builder::new()
             .name("spool".to_owned())
+            .stack_size(256 * 1024)
             .spawn(work)
             .map_err(RecorderError::io("spool", "start the thread of"))?;
         Ok(Self {
