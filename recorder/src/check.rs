@@ -1,13 +1,21 @@
 //! `recorder check`: is the configuration valid, and does each mapped signal arrive, how often, with which noise?
 
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
 use schema::Sample;
 use schema::num;
 use serde::Serialize;
 
+use crate::can::SourceHealth;
 use crate::config::Settings;
 use crate::error::RecorderError;
-use crate::event::GROUP_NAMES;
-use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
+use crate::event::{GROUP_NAMES, GroupState};
+use crate::live::{LiveSource, Note};
+use crate::pipeline::{Pipeline, Totals};
+use crate::replay::{LogInput, ReplayOptions, replay};
 use crate::rest::{Rest, RestLimits};
 use crate::trigger::Rules;
 
@@ -111,25 +119,107 @@ pub fn check(
             },
         )?
     };
-    Ok(report(settings, &outcome, &noise, seen, at_rest))
+    let seen = Seen {
+        noise,
+        samples: seen,
+        at_rest,
+    };
+    Ok(report(
+        settings,
+        outcome.groups,
+        &outcome.totals,
+        &outcome.source,
+        &seen,
+    ))
+}
+
+/// Listens to a live source for so many seconds.
+///
+/// # Errors
+/// When the source fails; an interface that is down is a warning.
+pub fn check_live(
+    settings: &Settings,
+    source: &mut dyn LiveSource,
+    seconds: f64,
+) -> Result<CheckReport, RecorderError> {
+    let mut quiet = settings.clone();
+    quiet.trigger.peak = None;
+    quiet.trigger.delta_v = None;
+    quiet.trigger.can.clear();
+    let limits: RestLimits = Rules::of(settings).rest;
+    let state = Rc::new(RefCell::new((Rest::default(), Seen::default())));
+    let shared = Rc::clone(&state);
+    let observer = Box::new(move |_: u64, sample: &Sample| {
+        let (rest, seen) = &mut *shared.borrow_mut();
+        seen.samples += 1;
+        *rest = rest.step(sample, &limits);
+        if rest.at_rest() {
+            seen.at_rest += 1;
+            seen.noise.add(sample);
+        }
+    });
+    let mut pipeline = Pipeline::new(Arc::new(quiet), &[], Some(observer));
+    let until = source
+        .now_ns()
+        .saturating_add(num::round_i64(seconds * 1e9));
+    let mut health = SourceHealth::default();
+    while source.now_ns() < until && source.open() {
+        source.read(Duration::from_millis(50), &mut |frame| {
+            pipeline.frame(frame);
+        })?;
+        let now = source.now_ns();
+        pipeline.tick(now);
+        while let Some(note) = source.next_note() {
+            match note {
+                Note::ClockStep { at_ns, step_ns } => pipeline.clock_step(at_ns, step_ns),
+                Note::Text { text, .. } => health.examples.push(text),
+            }
+        }
+    }
+    for interface in source.interfaces() {
+        let mut warn = |count: u64, what: &str| {
+            if count > 0 {
+                health
+                    .examples
+                    .push(format!("{}: {count} {what}", interface.name));
+            }
+        };
+        warn(interface.dropped, "frames dropped by the kernel");
+        warn(interface.bus_off, "times bus-off");
+        warn(interface.malformed, "datagrams that are no frame");
+        warn(interface.error_frames, "error frames");
+        warn(u64::from(!interface.up), "(down)");
+    }
+    let (_, seen) = &*state.borrow();
+    Ok(report(
+        settings,
+        pipeline.groups(),
+        &pipeline.totals(),
+        &health,
+        seen,
+    ))
+}
+
+/// What the samples told.
+#[derive(Default)]
+struct Seen {
+    noise: Noise,
+    samples: u64,
+    at_rest: u64,
 }
 
 fn report(
     settings: &Settings,
-    outcome: &ReplayOutcome,
-    noise: &Noise,
-    seen: u64,
-    at_rest: u64,
+    groups: [GroupState; 4],
+    totals: &Totals,
+    source: &SourceHealth,
+    seen: &Seen,
 ) -> CheckReport {
+    let noise = &seen.noise;
     let wanted = if settings.wheels.present { 4 } else { 2 };
     let mut warnings = Vec::new();
     let mut signals = Vec::new();
-    for (group, (name, state)) in GROUP_NAMES
-        .iter()
-        .zip(outcome.groups)
-        .enumerate()
-        .take(wanted)
-    {
+    for (group, (name, state)) in GROUP_NAMES.iter().zip(groups).enumerate().take(wanted) {
         let arrives = state.last_ns.is_some();
         if !arrives {
             warnings.push(format!("{name} never arrived"));
@@ -150,7 +240,6 @@ fn report(
             },
         });
     }
-    let totals = &outcome.totals;
     let counts = [
         (totals.gaps, "gaps of a mapped signal"),
         (totals.clock_steps, "steps of the clock"),
@@ -165,23 +254,23 @@ fn report(
             totals.decode.out_of_range,
             "values outside the DBC's range (missing only with range_check = true)",
         ),
-        (outcome.source.malformed, "lines that are no frame"),
+        (source.malformed, "lines that are no frame"),
     ];
     for (count, what) in counts {
         if count > 0 {
             warnings.push(format!("{count} {what}"));
         }
     }
-    warnings.extend(outcome.source.examples.iter().cloned());
-    for name in &outcome.source.foreign {
+    warnings.extend(source.examples.iter().cloned());
+    for name in &source.foreign {
         warnings.push(format!(
             "interface {name} is in the log and no bus names it"
         ));
     }
     let seconds = |samples: u64| num::real_u64(samples) / 100.0;
     CheckReport {
-        seconds: seconds(seen),
-        rest_seconds: seconds(at_rest),
+        seconds: seconds(seen.samples),
+        rest_seconds: seconds(seen.at_rest),
         signals,
         warnings,
     }

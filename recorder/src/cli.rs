@@ -1,5 +1,8 @@
 //! The command line: what is asked for, and what is printed. Results to `out`, all else to `err`.
 
+mod daemon;
+mod key;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -11,10 +14,11 @@ use schema::seal::Hex;
 use schema::units::{MetersPerSecond, MetersPerSecondSquared};
 use serde::Serialize;
 
-use crate::check::{CheckReport, check};
+use crate::check::{CheckReport, check, check_live};
 use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
+use crate::socket::Sockets;
 use crate::store;
 
 /// Everything went well.
@@ -55,14 +59,57 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Say whether a configuration is valid and, with a log, whether each mapped signal arrives.
+    /// Record from the CAN interfaces until told to stop: the daemon.
+    Run {
+        /// Configuration (TOML).
+        #[arg(long)]
+        config: PathBuf,
+        /// In place of the interfaces, a log at the pace of its own stamps, for the bench; repeatable.
+        #[arg(long, value_name = "LOG")]
+        paced: Vec<PathBuf>,
+        /// Take the paced log's interface NAME for the configured one; repeatable.
+        #[arg(long, value_name = "NAME=CONFIGURED", value_parser = pair, requires = "paced")]
+        map: Vec<(String, String)>,
+    },
+    /// Ask the running daemon how it is. Exit code 3 where it has alarms.
+    Status {
+        /// Configuration that names its socket.
+        #[arg(long)]
+        config: Option<PathBuf>,
+        /// Its socket.
+        #[arg(long)]
+        socket: Option<PathBuf>,
+        /// The answer as JSON.
+        #[arg(long)]
+        json: bool,
+        /// Again each second.
+        #[arg(long)]
+        watch: bool,
+    },
+    /// Ask the running daemon for a manual trigger.
+    Trigger {
+        /// Configuration that names its socket.
+        #[arg(long)]
+        config: Option<PathBuf>,
+        /// Its socket.
+        #[arg(long)]
+        socket: Option<PathBuf>,
+        /// The answer as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Make, show and change the device's key.
+    #[command(subcommand)]
+    Key(key::KeyCommand),
+    /// Say whether a configuration is valid and whether each mapped signal arrives: in logs, or with --for on the live
+    /// bus.
     Check {
         /// Configuration (TOML).
         #[arg(long)]
         config: PathBuf,
         /// Logs to look at.
         logs: Vec<PathBuf>,
-        /// Look at so many seconds only.
+        /// Look at so many seconds of the logs; without a log, listen to the interfaces for so long.
         #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
         seconds: Option<f64>,
         /// Take the log's interface NAME for the configured one; repeatable.
@@ -124,6 +171,7 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_replay(&config, &logs, out, trigger_at, map, json, &mut err),
+        Command::Key(command) => key::run(command),
         Command::Check {
             config,
             logs,
@@ -131,6 +179,18 @@ pub fn run(args: Args) -> ExitCode {
             map,
             json,
         } => run_check(&config, &logs, seconds, map, json),
+        Command::Run { config, paced, map } => daemon::run(config, paced, map),
+        Command::Status {
+            config,
+            socket,
+            json,
+            watch,
+        } => daemon::status(config.as_deref(), socket, json, watch),
+        Command::Trigger {
+            config,
+            socket,
+            json,
+        } => daemon::trigger(config.as_deref(), socket, json),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -308,6 +368,11 @@ fn run_check(
     json: bool,
 ) -> Result<u8, RecorderError> {
     let settings = Settings::load(config)?;
+    if let (true, Some(seconds)) = (logs.is_empty(), seconds) {
+        let mut sockets = Sockets::open(&settings)?;
+        let report = check_live(&settings, &mut sockets, seconds)?;
+        return tell_check(&report, json);
+    }
     if logs.is_empty() {
         print(if json {
             "{\"valid\":true}"
@@ -317,10 +382,14 @@ fn run_check(
         return Ok(SOUND);
     }
     let report = check(&settings, inputs(logs), map, seconds)?;
+    tell_check(&report, json)
+}
+
+fn tell_check(report: &CheckReport, json: bool) -> Result<u8, RecorderError> {
     if json {
-        print(&serde_json::to_string(&report).unwrap_or_default())?;
+        print(&serde_json::to_string(report).unwrap_or_default())?;
     } else {
-        print_check(&report)?;
+        print_check(report)?;
     }
     Ok(if report.warnings.is_empty() {
         SOUND

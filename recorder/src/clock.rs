@@ -70,6 +70,18 @@ fn now(clock: ClockId) -> i64 {
     clock_gettime(clock).map_or(0, nanoseconds)
 }
 
+/// `CLOCK_MONOTONIC`, ns: a clock that never steps.
+#[must_use]
+pub fn monotonic_ns() -> i64 {
+    now(ClockId::CLOCK_MONOTONIC)
+}
+
+/// `CLOCK_REALTIME`: UTC, ns since 1970.
+#[must_use]
+pub fn realtime_ns() -> i64 {
+    now(ClockId::CLOCK_REALTIME)
+}
+
 impl Clocks for SystemClocks {
     fn read(&mut self) -> Reading {
         let mut best = Reading {

@@ -100,18 +100,29 @@ impl Database {
     /// # Errors
     /// When it can not be read or is no DBC.
     pub fn load(path: &Path) -> Result<Self, DbcError> {
-        let read = |source| DbcError::Read {
+        Self::check_size(path)?;
+        let bytes = fs::read(path).map_err(|source| DbcError::Read {
             path: path.to_path_buf(),
             source,
-        };
-        let found = fs::metadata(path).map_err(read)?.len();
+        })?;
+        Self::parse(path, &bytes)
+    }
+
+    /// Refuses a file too large to be read.
+    pub(crate) fn check_size(path: &Path) -> Result<(), DbcError> {
+        let found = fs::metadata(path)
+            .map_err(|source| DbcError::Read {
+                path: path.to_path_buf(),
+                source,
+            })?
+            .len();
         if found > MAX_FILE {
             return Err(DbcError::Large {
                 path: path.to_path_buf(),
                 found,
             });
         }
-        Self::parse(path, &fs::read(path).map_err(read)?)
+        Ok(())
     }
 
     /// Parses the bytes of a file; `path` is for messages only.

@@ -9,9 +9,9 @@ const WINDOW: usize = 15;
 /// Duration of a sample, s.
 const STEP: f64 = BIN * 1e-9;
 /// Time constant of the estimate of gravity on a slope and of the sensor's bias, s.
-const SLOW: f64 = 5.0;
+pub(crate) const SLOW: f64 = 5.0;
 /// A larger acceleration than this freezes the estimate, m/s^2 (a slope of 45 %).
-const FREEZE: f64 = 4.0;
+pub(crate) const FREEZE: f64 = 4.0;
 /// Samples the condition must be false before it can fire again (0.5 s).
 const REARM: u32 = 50;
 

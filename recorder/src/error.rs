@@ -39,6 +39,19 @@ pub enum RecorderError {
         /// Configured names.
         known: String,
     },
+    /// A key can not be used.
+    #[error("{}: expected {expected}, found {found}", path.display())]
+    Key {
+        /// The key's file, or the ledger's.
+        path: PathBuf,
+        /// What would do.
+        expected: String,
+        /// What is there, never the key itself.
+        found: String,
+    },
+    /// Nothing can be encrypted to the configured recipient.
+    #[error(transparent)]
+    Recipient(#[from] crate::store::encrypt::RecipientError),
     /// The record could not be written.
     #[error("{}: {source}", path.display())]
     Record {

@@ -1,17 +1,16 @@
 //! An event from its freeze to the record that is sealed.
 
+mod account;
+
 use schema::block::{cut, thin_blocks};
 use schema::header::{
     Clock, ClockSource, FORMAT_VERSION, Header, Interface, Layout, Origin, Periods,
 };
 use schema::num;
-use schema::parts::{
-    AuxChannel, Completion, Gap, Health, RawFrame, SignalHealth, Trigger, TriggerKind,
-};
+use schema::parts::{AuxChannel, Health, RawFrame, Trigger, TriggerKind};
 use schema::time::Grid;
 use schema::{Packed, Record, Scales};
 
-use crate::bins::start_of;
 use crate::can::Frame;
 use crate::config::Settings;
 use crate::ring::{AUX_SPAN, MOST_RAW, RawRing, Ring};
@@ -43,13 +42,30 @@ pub enum Ending {
         /// The car was at rest.
         at_rest: bool,
     },
-    /// The frames ended at this time while it ran.
-    LogEnded {
+    /// The frames ended while it ran.
+    Ended {
+        /// Why, as the beginning of a sentence: `the log ended`.
+        why: &'static str,
         /// Index behind the last sample of the post-trigger time.
         post_trigger_end: u64,
         /// The car was at rest.
         at_rest: bool,
     },
+}
+
+/// What a live source says that frames do not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Facts {
+    /// Source and quality of UTC; its offset is that of the event.
+    pub clock: Clock,
+    /// The interfaces.
+    pub interfaces: Vec<Interface>,
+    /// Frames that the kernel dropped since the start.
+    pub dropped: u64,
+    /// Error frames since the start.
+    pub error_frames: u64,
+    /// What the self-test found, and whatever else holds at sealing, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// What the pipeline knows at sealing beyond the event.
@@ -59,6 +75,8 @@ pub struct Surroundings {
     pub health: Health,
     /// Measured periods and jitter of each group, ns, and lost frames known by a counter.
     pub groups: [GroupState; 4],
+    /// Of a live source; a log has none.
+    pub facts: Option<Facts>,
 }
 
 /// State of a signal group.
@@ -168,6 +186,7 @@ impl Event {
                 .get(group)
                 .map_or(0, |state| nanos(state.period))
         };
+        let facts = around.facts;
         let header = Header {
             number: 1,
             previous_sha256: [0; 32],
@@ -189,20 +208,12 @@ impl Event {
                 rate_ns: period(1),
                 wheels_ns: [period(2), period(3)],
             },
-            interfaces: settings
-                .buses
-                .iter()
-                .map(|bus| Interface {
-                    name: bus.interface.clone(),
-                    offset_ns: 0,
-                    uncertainty_ns: None,
-                })
-                .collect(),
+            interfaces: facts
+                .as_ref()
+                .map_or_else(|| names(settings), |facts| facts.interfaces.clone()),
             clock: Clock {
-                source: ClockSource::LogStamps,
                 offset_ns: self.offset_ns,
-                uncertainty_ns: None,
-                leap_second: false,
+                ..facts.map_or(LOG_CLOCK, |facts| facts.clock)
             },
         };
         Record {
@@ -259,117 +270,23 @@ impl Event {
         };
         settings.plan.aux.iter().enumerate().map(channel).collect()
     }
+}
 
-    fn completion(&self, settings: &Settings, ending: Ending, first: u64, end: u64) -> Completion {
-        let seconds = |samples: u64| num::real_u64(samples) / 100.0;
-        let mut reasons = Vec::new();
-        if first > self.wanted_first {
-            let trigger = self.triggers.first().map_or(0, |fired| fired.index);
-            reasons.push(format!(
-                "the ring was not full: {:.2} s before the first trigger are stored, {:.2} s were asked for",
-                seconds(trigger.saturating_sub(first)),
-                seconds(settings.ring.before)
-            ));
-        }
-        let at_rest = match ending {
-            Ending::Over { at_rest } => {
-                if !at_rest {
-                    reasons.push(
-                        "the car was still moving at the end, 20 s after the post-trigger time"
-                            .to_owned(),
-                    );
-                }
-                at_rest
-            }
-            Ending::LogEnded {
-                post_trigger_end,
-                at_rest,
-            } => {
-                if end < post_trigger_end {
-                    let missing = seconds(post_trigger_end - end);
-                    reasons.push(format!(
-                        "the log ended {missing:.2} s before the post-trigger time was over"
-                    ));
-                }
-                if !at_rest {
-                    reasons.push(
-                        "the log ended before the car had been at rest for 2 s: it ends moving"
-                            .to_owned(),
-                    );
-                }
-                at_rest
-            }
-        };
-        Completion {
-            complete: reasons.is_empty(),
-            reasons,
-            ends_at_rest: at_rest,
-        }
-    }
+/// What a log's stamps are worth is not known.
+const LOG_CLOCK: Clock = Clock {
+    source: ClockSource::LogStamps,
+    offset_ns: 0,
+    uncertainty_ns: None,
+    leap_second: false,
+};
 
-    fn health(
-        &mut self,
-        settings: &Settings,
-        mut health: Health,
-        groups: &[GroupState; 4],
-        first: u64,
-        end: u64,
-    ) -> Health {
-        let (start_ns, end_ns) = (start_of(first), start_of(end));
-        health.gaps = self
-            .tape
-            .gaps()
-            .filter(|gap| gap.to_ns > start_ns && gap.from_ns < end_ns)
-            .cloned()
-            .collect();
-        health.clock_steps = self
-            .tape
-            .steps()
-            .filter(|step| step.monotonic_ns < end_ns)
-            .cloned()
-            .collect();
-        let wanted = if settings.wheels.present { 4 } else { 2 };
-        for (group, (name, state)) in GROUP_NAMES.iter().zip(groups).enumerate().take(wanted) {
-            let count =
-                |slot: &crate::ring::Slot| u64::from(slot.frames.get(group).copied().unwrap_or(0));
-            let frames: u64 = self.tape.slots().map(|(_, slot)| count(slot)).sum();
-            let lost: u64 = self
-                .tape
-                .slots()
-                .map(|(_, slot)| u64::from(slot.lost.get(group).copied().unwrap_or(0)))
-                .sum();
-            health.signals.push(SignalHealth {
-                signal: (*name).to_owned(),
-                frames,
-                lost_by_counter: state.counted.then_some(lost),
-                period_ns: nanos(state.period),
-                jitter_ns: nanos(state.jitter),
-            });
-            // Silence that lasts to the record's end was not over when it was written.
-            let silent_from = state.last_ns.unwrap_or(start_ns).max(start_ns);
-            let limit = if state.period > 0.0 {
-                3.0 * state.period
-            } else {
-                0.0
-            };
-            if num::real_i64(end_ns - silent_from) > limit && silent_from < end_ns {
-                health.gaps.push(Gap {
-                    signal: (*name).to_owned(),
-                    from_ns: silent_from,
-                    to_ns: end_ns,
-                });
-            }
-        }
-        health.gaps.sort_by_key(|gap| gap.from_ns);
-        health
-            .notes
-            .extend(crate::health::standing_notes(settings, groups));
-        if self.raw_cut {
-            health.notes.push(format!("more than {MOST_RAW} raw frames lay about the triggers; the later ones are not stored"));
-        }
-        health.notes.append(&mut self.notes);
-        health
-    }
+fn names(settings: &Settings) -> Vec<Interface> {
+    let interface = |bus: &crate::config::Bus| Interface {
+        name: bus.interface.clone(),
+        offset_ns: 0,
+        uncertainty_ns: None,
+    };
+    settings.buses.iter().map(interface).collect()
 }
 
 fn trigger(fired: &Fired, settings: &Settings) -> Trigger {

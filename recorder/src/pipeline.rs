@@ -2,8 +2,10 @@
 //! what the frames say.
 
 mod arrival;
+mod live;
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use schema::num;
 use schema::parts::{Gap, Health};
@@ -13,7 +15,7 @@ use schema::{Packer, Record, Sample, Scales};
 use crate::can::{ERR, Frame};
 use crate::config::{RawFrames, Settings};
 use crate::decode::{DecodeHealth, Decoder, Update};
-use crate::event::{Ending, Event, GROUP_NAMES, GroupState, Surroundings};
+use crate::event::{Ending, Event, Facts, GROUP_NAMES, GroupState, Surroundings};
 use crate::pace::Pace;
 use crate::ring::{RawRing, Ring, aux_group};
 use crate::sampler::{Closed, Output, Sampler};
@@ -22,6 +24,9 @@ use crate::trigger::{Action, Fired, Input, Rules, State};
 
 /// Triggers are known at the latest so long after they happened, ns: the raw window keeps that much more.
 const TRIGGER_LAG_NS: i64 = 1_500_000_000;
+/// Triggers that wait to be told to the spool; a replay tells nobody.
+const MOST_TOLD: usize = 256;
+
 /// What the pipeline saw in all.
 #[derive(Clone, Debug, Default)]
 pub struct Totals {
@@ -50,7 +55,7 @@ pub type Observer<'a> = Box<dyn FnMut(u64, &Sample) + 'a>;
 
 /// The pipeline.
 pub struct Pipeline<'a> {
-    settings: &'a Settings,
+    settings: Arc<Settings>,
     rules: Rules,
     state: State,
     sampler: Sampler,
@@ -69,19 +74,29 @@ pub struct Pipeline<'a> {
     totals: Totals,
     notes: Vec<String>,
     manual: VecDeque<f64>,
+    /// Manual triggers asked for while running, ns on the line.
+    asked: VecDeque<i64>,
+    /// Triggers that are known already: see [`Pipeline::recovered`].
+    known: VecDeque<Fired>,
+    /// Reading back: delta-V triggers fire by themselves from this bin of the line on, all others are known.
+    recovering: Option<u64>,
+    /// Triggers that fired and were not taken yet.
+    fired: Vec<Fired>,
+    /// UTC minus the line: the sum of the steps of the system clock.
+    shift_ns: i64,
+    facts: Option<Facts>,
     observer: Option<Observer<'a>>,
 }
 
 impl<'a> Pipeline<'a> {
     /// A pipeline; `manual` are the times of manual triggers, seconds from the first frame.
     #[must_use]
-    pub fn new(settings: &'a Settings, manual: &[f64], observer: Option<Observer<'a>>) -> Self {
+    pub fn new(settings: Arc<Settings>, manual: &[f64], observer: Option<Observer<'a>>) -> Self {
         let mut manual: Vec<f64> = manual.to_vec();
         manual.sort_by(f64::total_cmp);
         let scales = Scales::default();
         Self {
-            settings,
-            rules: Rules::of(settings),
+            rules: Rules::of(&settings),
             state: State::default(),
             sampler: Sampler::new(&settings.plan, settings.mounting, settings.trigger.peak),
             decoder: Decoder::default(),
@@ -99,7 +114,14 @@ impl<'a> Pipeline<'a> {
             totals: Totals::default(),
             notes: Vec::new(),
             manual: manual.into(),
+            asked: VecDeque::new(),
+            known: VecDeque::new(),
+            recovering: None,
+            fired: Vec::new(),
+            shift_ns: 0,
+            facts: None,
             observer,
+            settings,
         }
     }
 
@@ -159,30 +181,31 @@ impl<'a> Pipeline<'a> {
         groups
     }
 
+    /// Time goes on: bins are closed, and manual triggers whose time has come fire.
+    fn advance(&mut self, now_ns: i64) {
+        self.sampler.advance(now_ns, &mut self.out);
+        self.drain();
+        while let Some(at) = self.manual.front().map(|at| self.manual_ns(*at))
+            && at <= now_ns
+        {
+            self.manual.pop_front();
+            self.step_machine(&Input::Manual(at));
+        }
+        self.fire_asked(now_ns);
+    }
+
     /// One frame at its place in time.
     fn take(&mut self, frame: &Frame) {
         let Some(time) = self.time else { return };
         let (at_ns, now_ns) = (time.monotonic(frame.time_ns), time.now_ns());
-        self.sampler.advance(now_ns, &mut self.out);
-        self.drain();
-        while self
-            .manual
-            .front()
-            .is_some_and(|at| self.manual_ns(*at) <= now_ns)
-        {
-            let at = self
-                .manual
-                .pop_front()
-                .map_or(now_ns, |at| self.manual_ns(at));
-            self.step_machine(&Input::Manual(at));
-        }
+        self.advance(now_ns);
         if frame.id & ERR != 0 {
             self.totals.error_frames += 1;
         }
         if frame.interface == Frame::FOREIGN {
             return;
         }
-        let settings = self.settings;
+        let settings = Arc::clone(&self.settings);
         let plan = if frame.carries_data() {
             settings.plan.find(frame.interface, frame.id)
         } else {
@@ -312,7 +335,14 @@ impl<'a> Pipeline<'a> {
                 self.ring.push_aux(group, row);
             }
         }
+        if let Some(from) = self.recovering {
+            self.rules.muted = self.line_bin(closed.index) < from;
+        }
         self.step_machine(&Input::Sample(closed.index, &closed.sample));
+        if self.recovering.is_some() {
+            self.rules.muted = true;
+        }
+        self.fire_known(closed.index);
     }
 
     fn step_machine(&mut self, input: &Input<'_>) {
@@ -320,16 +350,32 @@ impl<'a> Pipeline<'a> {
         self.state = state;
         match action {
             Action::None => {}
-            Action::Open(fired) => self.open(&fired),
-            Action::Mark(fired) => self.mark(0, &fired),
+            Action::Open(fired) => {
+                self.tell(fired);
+                self.open(&fired);
+            }
+            Action::Mark(fired) => {
+                self.tell(fired);
+                self.mark(0, &fired);
+            }
             Action::OpenNext(fired) => {
+                self.tell(fired);
                 if let Some(event) = self.events.front_mut() {
                     event.note("a later trigger, more than 5 s after the last of this event, began the next record".to_owned());
                 }
                 self.open(&fired);
             }
-            Action::MarkNext(fired) => self.mark(1, &fired),
+            Action::MarkNext(fired) => {
+                self.tell(fired);
+                self.mark(1, &fired);
+            }
             Action::Seal { at_rest } => self.seal(Ending::Over { at_rest }),
+        }
+    }
+
+    fn tell(&mut self, fired: Fired) {
+        if self.fired.len() < MOST_TOLD {
+            self.fired.push(fired);
         }
     }
 
@@ -339,14 +385,14 @@ impl<'a> Pipeline<'a> {
             &self.ring,
             &self.raw,
             fired,
-            self.settings,
-            offset_ns,
+            &self.settings,
+            offset_ns.saturating_add(self.shift_ns),
         ));
     }
 
     fn mark(&mut self, at: usize, fired: &Fired) {
         if let Some(event) = self.events.get_mut(at) {
-            event.mark(fired, &self.raw, self.settings);
+            event.mark(fired, &self.raw, &self.settings);
         }
     }
 
@@ -356,6 +402,9 @@ impl<'a> Pipeline<'a> {
         };
         let decode = self.decoder.health;
         let mut notes = self.notes.clone();
+        if let Some(facts) = &self.facts {
+            notes.extend(facts.notes.iter().cloned());
+        }
         if decode.not_finite > 0 {
             notes.push(format!(
                 "{} values were not finite after factor and offset, and are missing",
@@ -370,8 +419,12 @@ impl<'a> Pipeline<'a> {
         }
         let health = Health {
             frames_seen: self.totals.frames,
-            frames_dropped: 0,
-            error_frames: self.totals.error_frames,
+            frames_dropped: self.facts.as_ref().map_or(0, |facts| facts.dropped),
+            error_frames: self
+                .facts
+                .as_ref()
+                .map_or(0, |facts| facts.error_frames)
+                .max(self.totals.error_frames),
             malformed: decode.too_short,
             late_frames: self.totals.late + self.sampler.late(),
             out_of_range: decode.out_of_range,
@@ -381,8 +434,9 @@ impl<'a> Pipeline<'a> {
         let around = Surroundings {
             health,
             groups: self.groups(),
+            facts: self.facts.clone(),
         };
         self.ready
-            .push_back(event.seal(self.settings, ending, around));
+            .push_back(event.seal(&self.settings, ending, around));
     }
 }

@@ -1,5 +1,7 @@
 //! `recorder replay`: logs through the pipeline, clocked by their own time stamps.
 
+use std::sync::Arc;
+
 use schema::Record;
 use schema::header::Origin;
 
@@ -72,7 +74,11 @@ pub fn replay(
     let interfaces = Interfaces::new(&names, &options.map)?;
     let logs: Vec<String> = inputs.iter().map(LogInput::name).collect();
     let mut source = Merged::open(inputs, &interfaces)?;
-    let mut pipeline = Pipeline::new(settings, &options.trigger_at, options.observer);
+    let mut pipeline = Pipeline::new(
+        Arc::new(settings.clone()),
+        &options.trigger_at,
+        options.observer,
+    );
     let mut sealed = Sealed {
         records: 0,
         incomplete: 0,

@@ -36,6 +36,7 @@ pub struct Ring {
     clips: VecDeque<Clip>,
     gaps: VecDeque<Gap>,
     steps: VecDeque<ClockStep>,
+    notes: VecDeque<(i64, String)>,
     /// Groups of ten samples (index / 10) and their auxiliary values.
     aux: VecDeque<(u64, Vec<Option<f64>>)>,
     capacity: Option<u64>,
@@ -135,12 +136,30 @@ impl Ring {
         }
     }
 
+    /// Notes what happened at a time, in one sentence.
+    pub fn push_note(&mut self, monotonic_ns: i64, text: String) {
+        if self.notes.len() < MOST_NOTES {
+            self.notes.push_back((monotonic_ns, text));
+        }
+    }
+
+    /// Holds so many samples from now on.
+    pub fn set_capacity(&mut self, capacity: u64) {
+        self.capacity = Some(capacity);
+    }
+
+    /// Forgets the auxiliary values, as their columns mean something else from now on.
+    pub fn forget_aux(&mut self) {
+        self.aux.clear();
+    }
+
     /// Empties it.
     pub fn clear(&mut self) {
         self.slots.clear();
         self.clips.clear();
         self.gaps.clear();
         self.steps.clear();
+        self.notes.clear();
         self.aux.clear();
     }
 
@@ -155,6 +174,7 @@ impl Ring {
             clips: self.clips.clone(),
             gaps: self.gaps.clone(),
             steps: self.steps.clone(),
+            notes: self.notes.clone(),
             aux: self.aux.clone(),
         };
         copy.trim();
@@ -176,6 +196,9 @@ impl Ring {
             .is_some_and(|step| step.monotonic_ns < start_ns)
         {
             self.steps.pop_front();
+        }
+        while self.notes.front().is_some_and(|(at, _)| *at < start_ns) {
+            self.notes.pop_front();
         }
         while self
             .aux
@@ -204,6 +227,11 @@ impl Ring {
     /// Clock steps noted.
     pub fn steps(&self) -> impl Iterator<Item = &ClockStep> {
         self.steps.iter()
+    }
+
+    /// What was noted: time and sentence.
+    pub fn notes(&self) -> impl Iterator<Item = &(i64, String)> {
+        self.notes.iter()
     }
 
     /// Auxiliary values: group and values.

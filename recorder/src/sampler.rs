@@ -22,6 +22,8 @@ use crate::plan::{Plan, Role};
 const PATIENCE_NS: i64 = 50_000_000;
 /// A bin is closed so long after its end even if a stream hangs behind.
 const LAG_NS: i64 = 600_000_000;
+/// A frame's specific force at and above this is more than driving: gravity and 1 g beside it, m/s^2.
+const SHARP: f64 = 13.8;
 
 /// Frames at the sensor's limit in one bin, on body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +83,8 @@ pub struct Sampler {
     latest: [(f64, f64); 3],
     peak_threshold: f64,
     largest: f64,
+    /// Time of the last frame that was more than driving.
+    sharp_ns: Option<i64>,
     started: bool,
     late: u64,
     unplaced: u64,
@@ -120,6 +124,7 @@ impl Sampler {
             latest: [(f64::NAN, f64::NEG_INFINITY); 3],
             peak_threshold: peak_threshold.unwrap_or(f64::INFINITY),
             largest: 0.0,
+            sharp_ns: None,
             started: false,
             late: 0,
             unplaced: 0,
@@ -148,6 +153,12 @@ impl Sampler {
     #[must_use]
     pub fn largest_peak(&self) -> f64 {
         self.largest
+    }
+
+    /// Time of the last frame with more than 1 g beside gravity, monotonic ns: known long before any trigger.
+    #[must_use]
+    pub fn sharp_ns(&self) -> Option<i64> {
+        self.sharp_ns
     }
 
     /// Index of the first bin that is not closed.
@@ -340,6 +351,9 @@ impl Sampler {
                 }
                 if let Some(peak) = peak(&self.latest, placed.end, &self.mounting) {
                     self.largest = self.largest.max(peak.value);
+                    if peak.value >= SHARP {
+                        self.sharp_ns = Some(peak.time_ns);
+                    }
                     if peak.value >= self.peak_threshold {
                         out.push(Output::Peak(peak));
                     }

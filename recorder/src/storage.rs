@@ -1,6 +1,8 @@
 //! Files as the daemon uses them. One door, so that a test can record every write, synchronisation and rename of a
 //! run and ask what a loss of power at any instant would have left ([`crate::spool`], [`crate::store`]).
 
+pub mod model;
+
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
@@ -45,6 +47,16 @@ pub trait Storage: Send + Sync {
     /// # Errors
     /// The file system's own; `InvalidData` where it is longer than `most` bytes.
     fn read(&self, path: &Path, most: u64) -> io::Result<Vec<u8>>;
+    /// A stretch of a file, whole; shorter where the file ends.
+    ///
+    /// # Errors
+    /// The file system's own.
+    fn read_range(&self, path: &Path, offset: u64, length: usize) -> io::Result<Vec<u8>> {
+        let bytes = self.read(path, u64::MAX)?;
+        let start = num::usize_of(offset).min(bytes.len());
+        let end = start.saturating_add(length).min(bytes.len());
+        Ok(bytes.get(start..end).unwrap_or_default().to_vec())
+    }
     /// A new, empty file, readable by its owner and group alone; one that is there is emptied.
     ///
     /// # Errors
@@ -125,6 +137,22 @@ impl Storage for Disk {
             let found = format!("expected at most {most} bytes, found more");
             return Err(io::Error::new(ErrorKind::InvalidData, found));
         }
+        Ok(bytes)
+    }
+
+    fn read_range(&self, path: &Path, offset: u64, length: usize) -> io::Result<Vec<u8>> {
+        let file = File::open(path)?;
+        let mut bytes = vec![0; length];
+        let mut done = 0;
+        while let Some(free) = bytes.get_mut(done..).filter(|free| !free.is_empty()) {
+            match file.read_at(free, offset.saturating_add(num::u64_of(done))) {
+                Ok(0) => break,
+                Ok(count) => done += count,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        bytes.truncate(done);
         Ok(bytes)
     }
 

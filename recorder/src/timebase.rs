@@ -71,6 +71,15 @@ impl Timebase {
         self.monotonic(self.newest_ns)
     }
 
+    /// Time has come to this stamp without a frame; false if a frame was later.
+    pub fn pass(&mut self, stamp_ns: i64) -> bool {
+        let later = stamp_ns > self.newest_ns && self.monotonic(stamp_ns) <= END_NS;
+        if later {
+            self.newest_ns = stamp_ns;
+        }
+        later
+    }
+
     /// Judges a stamp.
     pub fn judge(&mut self, stamp_ns: i64) -> Judgement {
         if self.monotonic(stamp_ns) > END_NS {

@@ -39,6 +39,8 @@ pub struct Rules {
     pub after: u64,
     /// When the car is at rest.
     pub rest: RestLimits,
+    /// No trigger fires by itself, though each is followed as ever: what fired is known ([`Input::Known`]).
+    pub muted: bool,
 }
 
 impl Rules {
@@ -63,6 +65,7 @@ impl Rules {
                     .present
                     .then_some(settings.wheels.cutoff_mps),
             },
+            muted: false,
         }
     }
 }
@@ -78,6 +81,8 @@ pub enum Input<'a> {
     Can(usize, i64, f64),
     /// A manual trigger at a time.
     Manual(i64),
+    /// A trigger that fired before the recording was cut, and is read back.
+    Known(Fired),
 }
 
 /// What fired.
@@ -198,7 +203,7 @@ impl State {
                 self.rest = self.rest.step(sample, &rules.rest);
                 let (delta_v, crossing) = self.delta_v.step(sample, rules.delta_v);
                 self.delta_v = delta_v;
-                if let Some(crossing) = crossing {
+                if let Some(crossing) = crossing.filter(|_| !rules.muted) {
                     let within = num::round_i64(crossing.part * crate::bins::BIN);
                     return self.fire(
                         rules,
@@ -220,7 +225,7 @@ impl State {
                     return (self, Action::None);
                 }
                 let last = self.peak_ns.replace(peak.time_ns);
-                if last.is_some_and(|last| peak.time_ns - last < REARM_NS) {
+                if rules.muted || last.is_some_and(|last| peak.time_ns - last < REARM_NS) {
                     return (self, Action::None);
                 }
                 // A frame stands for the time up to its stamp, so one at a bin's very start belongs to the bin before.
@@ -236,6 +241,7 @@ impl State {
                     },
                 )
             }
+            Input::Known(fired) => self.fire(rules, fired),
             Input::Can(slot, time_ns, value) => self.can(rules, slot, time_ns, value),
             Input::Manual(time_ns) => self.fire(
                 rules,
@@ -271,7 +277,7 @@ impl State {
         let edge = state.since_false;
         state.since_false = false;
         state.held_ns = Some(time_ns);
-        if !edge {
+        if !edge || rules.muted {
             return (self, Action::None);
         }
         let (kind, index) = (TriggerKind::Can, index_of(time_ns));

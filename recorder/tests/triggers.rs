@@ -21,6 +21,7 @@ fn rules() -> Rules {
             rate_bias: 0.009,
             wheel_cutoff: Some(1.0),
         },
+        muted: false,
     }
 }
 

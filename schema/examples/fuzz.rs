@@ -1,10 +1,12 @@
-//! Drives `read` and `salvage` with mutated files: `cargo run -p svartboks-schema --example fuzz --release -- 10000000 [SEED]`.
+//! Drives `read`, `salvage` and the ledger's reader with mutated files: `cargo run -p svartboks-schema --example fuzz --release -- 10000000 [SEED]`.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
     reason = "a test driver: what it meets is to stop it, and its finding goes to the terminal"
 )]
 
+#[path = "../tests/support/ledgers.rs"]
+mod ledgers;
 #[path = "../tests/support/mutate.rs"]
 mod mutate;
 #[path = "../tests/support/mod.rs"]
@@ -27,14 +29,17 @@ fn main() {
     let bases = [(support::small(), false), (live, true), (thin, false)]
         .map(|(record, signed)| (mutate::parse(&record.to_bytes().unwrap()), signed));
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let (mut read, mut salvaged) = (0_u64, 0_u64);
+    let (mut read, mut salvaged, mut ledgers) = (0_u64, 0_u64, 0_u64);
     for done in 1..=count {
         let (structures, signed) = &bases[rng.random_range(0..bases.len())];
         let outcome = mutate::drive(&mutate::mutate(structures, *signed, &mut rng));
         read += u64::from(outcome.read);
         salvaged += u64::from(outcome.salvaged);
+        ledgers += u64::from(ledgers::drive(&ledgers::mutate(seed.wrapping_add(done))));
         if done.is_multiple_of(1_000_000) || done == count {
-            println!("{done} mutated files: {read} read, {salvaged} salvaged, no panic");
+            println!(
+                "{done} mutated files: {read} read, {salvaged} salvaged; as many ledgers: {ledgers} read; no panic"
+            );
         }
     }
 }

@@ -6,7 +6,11 @@
 use bincode::{Decode, Encode};
 use serde::Serialize;
 
+use crate::check;
+use crate::error::SchemaError;
+use crate::limits;
 use crate::scale::{Scales, TwoSlope, WheelScale};
+use crate::wire;
 
 /// Format version written by this crate: major changes break readers, minor ones add.
 pub const FORMAT_VERSION: (u16, u16) = (1, 0);
@@ -54,6 +58,25 @@ pub struct Header {
 }
 
 impl Header {
+    /// The header as `FORMAT.md`, section 4, lays it down, without the version before it.
+    ///
+    /// # Errors
+    /// When a value may not be stored or the whole is beyond its bound.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, SchemaError> {
+        check::header(self).map_err(|fault| fault.at("header", None))?;
+        wire::encode::<{ limits::MAX_HEADER_BYTES }, _>("header", self)
+    }
+
+    /// The header whose [`Header::to_bytes`] these are.
+    ///
+    /// # Errors
+    /// When they are not, or hold a value that can not be.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SchemaError> {
+        let header: Self = wire::decode::<{ limits::MAX_HEADER_BYTES }, _>("header", 0, bytes)?;
+        check::header(&header).map_err(|fault| fault.at("header", Some(0)))?;
+        Ok(header)
+    }
+
     /// The three scales of the samples.
     #[must_use]
     pub fn scales(&self) -> Scales {

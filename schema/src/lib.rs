@@ -11,17 +11,21 @@
 //! 5. [`parts`]: clipping, raw frames, auxiliary signals, health, triggers, completion.
 //! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic, and
 //!    never more memory than [`limits`] allow.
-//! 7. [`seal`]: the digest over every byte before it, and the signature's place.
-//! 8. [`salvage`]: what a damaged file still gives, with its damage by name.
+//! 7. [`seal`]: the digest over every byte before it, and the signature by the device's [`key`].
+//! 8. [`ledger`]: number and digest of every record ever sealed; [`envelope`]: a record that is encrypted at rest.
+//! 9. [`salvage`]: what a damaged file still gives, with its damage by name.
 //!
 //! Every byte is laid down in `schema/FORMAT.md`.
 
 pub mod block;
 pub(crate) mod bytes;
 pub(crate) mod check;
+pub mod envelope;
 pub mod error;
 pub(crate) mod frame;
 pub mod header;
+pub mod key;
+pub mod ledger;
 pub mod limits;
 pub mod num;
 pub mod packer;
@@ -39,6 +43,8 @@ pub(crate) mod wire;
 pub use block::Block;
 pub use error::SchemaError;
 pub use header::Header;
+pub use key::{PublicKey, SecretKey};
+pub use ledger::Ledger;
 pub use packer::{Packed, Packer, Thinner, unpack};
 pub use record::{GridSample, Record};
 pub use salvage::{Damage, Salvaged};

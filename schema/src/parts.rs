@@ -3,6 +3,11 @@
 use bincode::{Decode, Encode};
 use serde::Serialize;
 
+use crate::check;
+use crate::error::SchemaError;
+use crate::limits;
+use crate::wire;
+
 /// Frames that stood at the sensor's own limit within one bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize)]
 pub struct Clip {
@@ -79,6 +84,27 @@ pub struct Trigger {
     pub source: String,
 }
 
+impl Trigger {
+    /// The list as `FORMAT.md`, 6.5, lays it down.
+    ///
+    /// # Errors
+    /// When it is beyond its bound.
+    pub fn list_to_bytes(triggers: &Vec<Self>) -> Result<Vec<u8>, SchemaError> {
+        wire::encode::<{ limits::MAX_TRIGGERS_BYTES }, _>("triggers", triggers)
+    }
+
+    /// The list whose [`Trigger::list_to_bytes`] these are.
+    ///
+    /// # Errors
+    /// When they are not, or hold a value that can not be.
+    pub fn list_from_bytes(bytes: &[u8]) -> Result<Vec<Self>, SchemaError> {
+        let triggers: Vec<Self> =
+            wire::decode::<{ limits::MAX_TRIGGERS_BYTES }, _>("triggers", 0, bytes)?;
+        check::each(&triggers, check::trigger).map_err(|fault| fault.at("triggers", Some(0)))?;
+        Ok(triggers)
+    }
+}
+
 /// Whether the record holds all it should.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode, Serialize)]
 pub struct Completion {
@@ -113,6 +139,24 @@ pub struct Health {
     pub signals: Vec<SignalHealth>,
     /// Everything else a reader must hear, one sentence each.
     pub notes: Vec<String>,
+}
+
+impl Health {
+    /// The part as `FORMAT.md`, 6.4, lays it down.
+    ///
+    /// # Errors
+    /// When it is beyond its bound.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, SchemaError> {
+        wire::encode::<{ limits::MAX_HEALTH_BYTES }, _>("health", self)
+    }
+
+    /// The part whose [`Health::to_bytes`] these are.
+    ///
+    /// # Errors
+    /// When they are not.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SchemaError> {
+        wire::decode::<{ limits::MAX_HEALTH_BYTES }, _>("health", 0, bytes)
+    }
 }
 
 /// A signal group that was silent.

@@ -7,15 +7,16 @@ use sha2::{Digest, Sha256};
 use crate::block::Block;
 use crate::bytes;
 use crate::check;
-use crate::error::SchemaError;
+use crate::error::{Fault, SchemaError};
 use crate::frame;
-use crate::header::{FORMAT_VERSION, Header};
+use crate::header::{FORMAT_VERSION, Header, Origin};
+use crate::key::SecretKey;
 use crate::limits;
 use crate::num;
 use crate::parts::{AuxChannel, Clip, Completion, Health, RawFrame, Trigger};
 use crate::sample::Sample;
 use crate::scale::Scales;
-use crate::seal::{Seal, UNSIGNED};
+use crate::seal::{ED25519, Seal, UNSIGNED, signed_message};
 use crate::time::Grid;
 use crate::wire;
 
@@ -73,6 +74,22 @@ impl Record {
     /// A value that may not be stored (nothing has been written then), a part beyond its bound, or the
     /// output's own error.
     pub fn write(&self, out: &mut impl Write) -> Result<Seal, SchemaError> {
+        self.write_signed(out, None)
+    }
+
+    /// As [`Record::write`], signed by the device's key if one is given. The same record and key give the same bytes.
+    ///
+    /// # Errors
+    /// As [`Record::write`]; a replay refuses a key.
+    pub fn write_signed(
+        &self,
+        out: &mut impl Write,
+        key: Option<&SecretKey>,
+    ) -> Result<Seal, SchemaError> {
+        if key.is_some() && matches!(self.header.origin, Origin::Replay { .. }) {
+            let fault = Fault::new("kind", "0: a replay is never signed by the device", ED25519);
+            return Err(fault.at("seal", None));
+        }
         self.validate()?;
         let header = wire::encode::<{ limits::MAX_HEADER_BYTES }, _>("header", &self.header)?;
         let health = wire::encode::<{ limits::MAX_HEALTH_BYTES }, _>("health", &self.health)?;
@@ -105,7 +122,18 @@ impl Record {
         frame::write(&mut out, frame::HEALTH, &health)?;
         frame::write(&mut out, frame::TRIGGERS, &triggers)?;
         frame::write(&mut out, frame::COMPLETION, &completion)?;
-        out.seal()
+        out.seal(key)
+    }
+
+    /// UTC of the first trigger, ns since 1970; of the first sample if there is no trigger. The name by which a
+    /// ledger entry knows the event.
+    #[must_use]
+    pub fn utc_ns(&self) -> i64 {
+        let sample = || self.blocks.first().map_or(0, |block| block.monotonic_ns);
+        let first = self.triggers.first();
+        first
+            .map_or_else(sample, |trigger| trigger.monotonic_ns)
+            .saturating_add(self.header.clock.offset_ns)
     }
 
     /// The sealed file in memory: see [`Record::write`].
@@ -206,21 +234,23 @@ impl<'a, W: Write> Hashing<'a, W> {
         }
     }
 
-    /// Writes the seal of all bytes so far: kind under the digest, digest, check.
-    fn seal(mut self) -> Result<Seal, SchemaError> {
-        let head = frame::head(frame::SEAL, wire::length32("seal", frame::SEAL_BYTES[0])?);
+    /// Writes the seal of all bytes so far: kind under the digest, digest, signature, check.
+    fn seal(mut self, key: Option<&SecretKey>) -> Result<Seal, SchemaError> {
+        let kind = if key.is_some() { ED25519 } else { UNSIGNED };
+        let length = frame::SEAL_BYTES[usize::from(key.is_some())];
+        let head = frame::head(frame::SEAL, wire::length32("seal", length)?);
         self.write_all(&head)?;
-        self.write_all(&[UNSIGNED])?;
+        self.write_all(&[kind])?;
         let sha256: [u8; 32] = self.hash.finalize().into();
-        let check = [&head[..], &[UNSIGNED], &sha256]
+        let signature = key.map(|key| key.sign(&signed_message(&sha256)));
+        let signed: &[u8] = signature.as_ref().map_or(&[], |bytes| bytes);
+        let check = [&head[..], &[kind], &sha256, signed]
             .iter()
             .fold(0, |check, bytes| crc32c::crc32c_append(check, bytes));
         self.out.write_all(&sha256)?;
+        self.out.write_all(signed)?;
         self.out.write_all(&check.to_le_bytes())?;
-        Ok(Seal {
-            sha256,
-            signature: None,
-        })
+        Ok(Seal { sha256, signature })
     }
 }
 

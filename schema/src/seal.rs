@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::key::PublicKey;
+
 /// The signature is over these bytes and the digest, so that it can be taken for nothing else.
 pub const SIGNATURE_DOMAIN: &[u8; 20] = b"svartboks record v1\0";
 /// Seal of a record that carries no signature.
@@ -16,6 +18,17 @@ pub struct Seal {
     pub sha256: [u8; 32],
     /// Ed25519 signature over the domain string and the digest; `None` on unsigned (replayed) records.
     pub signature: Option<[u8; 64]>,
+}
+
+impl Seal {
+    /// Whether the record carries a signature of `key` over its digest. That the digest is that of the file is what
+    /// [`crate::Record::read`] has checked.
+    #[must_use]
+    pub fn signed_by(&self, key: &PublicKey) -> bool {
+        let message = signed_message(&self.sha256);
+        self.signature
+            .is_some_and(|signature| key.verifies(&message, &signature))
+    }
 }
 
 /// What a damaged file's seal is worth.

@@ -10,6 +10,11 @@ use toml::de::{DeTable, DeValue};
 pub struct Place(Box<(PathBuf, usize)>);
 
 impl Place {
+    /// The first line of a file.
+    pub(crate) fn of_file(file: &Path) -> Self {
+        Self(Box::new((file.to_path_buf(), 1)))
+    }
+
     /// The file as named.
     #[must_use]
     pub fn file(&self) -> &Path {

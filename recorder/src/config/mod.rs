@@ -1,6 +1,7 @@
 //! The configuration: TOML becomes a [`Config`] (what was written), a `Config` becomes [`Settings`]
 //! (what is valid). Every error names file, line, what was expected and what was found.
 
+mod bundle;
 mod file;
 mod locate;
 mod mapping;
@@ -9,8 +10,10 @@ mod operation;
 mod settings;
 mod units;
 
+pub use bundle::Bundle;
 pub use file::Config;
 pub use locate::{Place, nearest};
+pub use operation::default_socket;
 pub use operation::{Run, Serial, Spool, Store};
 pub use settings::{Bus, CanTrigger, Condition, Raw, RawFrames, Ring, Settings, Triggers};
 

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use schema::num;
 
 use super::ConfigError;
-use super::file::Config;
-use super::settings::Check;
+use super::file::{Config, FramesName};
+use super::settings::{Check, Raw, RawFrames};
 
 /// Part of the bound on the loss that passes between two flushes, where `flush_ms` is not set: the rest is for the
-/// sampler's own delay and the flush itself.
-const FLUSH_PART: f64 = 0.4;
+/// flush itself.
+const FLUSH_PART: f64 = 0.6;
 /// Shortest token of the serial read-out, bytes.
 const SHORTEST_TOKEN: usize = 12;
 
@@ -64,7 +64,33 @@ pub struct Serial {
     pub baud: u32,
 }
 
+/// Where the socket is unless configured: in the folder that systemd gives the service, else in the user's, else in
+/// that of root.
+#[must_use]
+pub fn default_socket() -> PathBuf {
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    folder("RUNTIME_DIRECTORY")
+        .or_else(|| folder("XDG_RUNTIME_DIR").map(|folder| folder.join("svartboks")))
+        .unwrap_or_else(|| PathBuf::from("/run/svartboks"))
+        .join("recorder.sock")
+}
+
 impl Check<'_> {
+    pub(super) fn raw(&self, config: &Config) -> Result<Raw, ConfigError> {
+        let nanos = |key: &str, value: f64| -> Result<i64, ConfigError> {
+            Ok(num::round_i64(self.within(key, value, 0.0, 10.0)? * 1e9))
+        };
+        Ok(Raw {
+            frames: match config.raw.frames {
+                FramesName::Mapped => RawFrames::Mapped,
+                FramesName::All => RawFrames::All,
+                FramesName::None => RawFrames::None,
+            },
+            before_ns: nanos("raw.before_s", config.raw.before_s)?,
+            after_ns: nanos("raw.after_s", config.raw.after_s)?,
+        })
+    }
+
     pub(super) fn store(&self, config: &Config, base_dir: &Path) -> Result<Store, ConfigError> {
         let store = &config.store;
         if !(5..=100_000).contains(&store.keep) {
@@ -112,10 +138,10 @@ impl Check<'_> {
             10_000.0,
         )?;
         Ok(Run {
-            socket: run.socket.as_ref().map_or_else(
-                || base_dir.join(&config.store.dir).join("recorder.sock"),
-                |socket| base_dir.join(socket),
-            ),
+            socket: run
+                .socket
+                .as_ref()
+                .map_or_else(default_socket, |socket| base_dir.join(socket)),
             realtime_priority: Some(run.realtime_priority).filter(|priority| *priority > 0),
             lock_memory: run.lock_memory,
             self_test_ns: num::round_i64(minutes * 60e9),

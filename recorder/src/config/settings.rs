@@ -9,12 +9,12 @@ use schema::units::{MetersPerSecond, MetersPerSecondSquared, Radians, RadiansPer
 use sha2::{Digest, Sha256};
 
 use super::ConfigError;
-use super::file::{AxesName, Config, FramesName, LayoutName, OneOrMany, Threshold};
+use super::file::{AxesName, Config, LayoutName, OneOrMany, Threshold};
 use super::locate::Source;
 use super::mapping::Mapper;
 use super::operation::{Run, Serial, Spool, Store};
 use crate::axes::Mounting;
-use crate::dbc::Database;
+use crate::dbc::{Database, DbcError};
 use crate::plan::Plan;
 
 /// A bus that is listened to.
@@ -131,7 +131,8 @@ impl Settings {
             path: path.to_path_buf(),
             source,
         })?;
-        Self::from_text(path, &text, path.parent().unwrap_or(Path::new("")))
+        let base_dir = path.parent().unwrap_or(Path::new(""));
+        Self::from_text(path, &text, base_dir, &Database::load)
     }
 
     /// Reads a text; relative paths in it are relative to `base_dir`.
@@ -139,14 +140,20 @@ impl Settings {
     /// # Errors
     /// The first thing that is wrong, with its line.
     pub fn from_toml_str(text: &str, base_dir: &Path) -> Result<Self, ConfigError> {
-        Self::from_text(Path::new("configuration"), text, base_dir)
+        Self::from_text(Path::new("configuration"), text, base_dir, &Database::load)
     }
 
-    fn from_text(file: &Path, text: &str, base_dir: &Path) -> Result<Self, ConfigError> {
+    /// As the others; `load` gives the DBC of a path.
+    pub(super) fn from_text(
+        file: &Path,
+        text: &str,
+        base_dir: &Path,
+        load: &Load<'_>,
+    ) -> Result<Self, ConfigError> {
         let source = Source::new(file, text);
         let config = Config::parse(&source, text)?;
         let check = Check { source: &source };
-        let databases = check.buses(&config, base_dir)?;
+        let databases = check.buses(&config, base_dir, load)?;
         let imu = check.imu(&config)?;
         let settings = Self {
             device_id: config.device.id.clone(),
@@ -178,6 +185,9 @@ impl Settings {
     }
 }
 
+/// Gives the DBC of a path.
+pub(super) type Load<'a> = dyn Fn(&Path) -> Result<Database, DbcError> + 'a;
+
 /// The checks, with the text to name lines of.
 pub(super) struct Check<'a> {
     source: &'a Source<'a>,
@@ -208,7 +218,12 @@ impl Check<'_> {
         }
     }
 
-    fn buses(&self, config: &Config, base_dir: &Path) -> Result<Vec<Vec<Database>>, ConfigError> {
+    fn buses(
+        &self,
+        config: &Config,
+        base_dir: &Path,
+        load: &Load<'_>,
+    ) -> Result<Vec<Vec<Database>>, ConfigError> {
         if config.bus.is_empty() || config.bus.len() > 64 {
             return Err(self.wrong("bus", "1 to 64 buses", config.bus.len()));
         }
@@ -236,7 +251,7 @@ impl Check<'_> {
                 OneOrMany::Many(files) => files.as_slice(),
             };
             let load = |file: &String| {
-                Database::load(&base_dir.join(file)).map_err(|source| ConfigError::Dbc {
+                load(&base_dir.join(file)).map_err(|source| ConfigError::Dbc {
                     place: self.source.place(&format!("bus[{at}].dbc")),
                     source,
                 })
@@ -414,23 +429,6 @@ impl Check<'_> {
             peak: peak.map(|g| MetersPerSecondSquared::from_g(g).0),
             delta_v: delta_v.map(|kmh| MetersPerSecond::from_kmh(kmh).0),
             can,
-        })
-    }
-
-    fn raw(&self, config: &Config) -> Result<Raw, ConfigError> {
-        let nanos = |key: &str, value: f64| -> Result<i64, ConfigError> {
-            Ok(schema::num::round_i64(
-                self.within(key, value, 0.0, 10.0)? * 1e9,
-            ))
-        };
-        Ok(Raw {
-            frames: match config.raw.frames {
-                FramesName::Mapped => RawFrames::Mapped,
-                FramesName::All => RawFrames::All,
-                FramesName::None => RawFrames::None,
-            },
-            before_ns: nanos("raw.before_s", config.raw.before_s)?,
-            after_ns: nanos("raw.after_s", config.raw.after_s)?,
         })
     }
 }

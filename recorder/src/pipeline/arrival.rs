@@ -71,10 +71,16 @@ impl Pipeline<'_> {
         let Some(time) = self.time else { return };
         self.sampler.flush(time.now_ns(), &mut self.out);
         self.drain();
+        self.end("the log ended");
+    }
+
+    /// Seals what runs.
+    pub(super) fn end(&mut self, why: &'static str) {
         while let Some(post_trigger_end) = self.state.post_trigger_end() {
             let at_rest = self.state.at_rest();
             self.state = self.state.sealed();
-            self.seal(Ending::LogEnded {
+            self.seal(Ending::Ended {
+                why,
                 post_trigger_end,
                 at_rest,
             });

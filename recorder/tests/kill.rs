@@ -1,0 +1,283 @@
+//! The daemon ended by SIGKILL at random instants, several side by side, each started again where it was killed:
+//! what was sealed still verifies, what was unfinished is sealed at the next start, and what is lost is bounded.
+//!
+//! `SVARTBOKS_KILLS` sets how many (50); `SVARTBOKS_KILL_DAEMONS` how many side by side (6).
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use recorder::clock::realtime_ns;
+use recorder::recovery::{Recovered, recover};
+use recorder::storage::Disk;
+use schema::Record;
+use support::{Log, etc};
+
+/// When the crash is, s from the log's start.
+const CRASH_S: f64 = 2.5;
+/// The log's length, s.
+const LENGTH_S: f64 = 16.0;
+/// A cut loses at most so much, ms; and while an event runs.
+const BOUND_MS: f64 = 100.0;
+const EVENT_BOUND_MS: f64 = 50.0;
+/// Between the reading of the clock and the death of the process, ms: part of no loss.
+const FEED_MS: f64 = 10.0;
+
+/// A car at 50 km/h that is stopped within 140 ms.
+fn crash_log() -> String {
+    let mut log = Log::default();
+    let mut at = 0.0;
+    for number in 0_u32..(LENGTH_S * 100.0) as u32 {
+        let t = f64::from(number) / 100.0;
+        let pulse = (CRASH_S..CRASH_S + 0.14).contains(&t);
+        let forward = if pulse { -100.0 } else { 0.0 };
+        log.accel(t, [forward, 0.0, 9.806], u64::from(number));
+        log.rate(t + 0.0002, [0.0; 3], u64::from(number));
+        if number % 2 == 0 {
+            log.wheels(t + 0.0004, if t < CRASH_S { 50.0 } else { 0.0 });
+        }
+        at = t;
+    }
+    assert!(at > CRASH_S);
+    log.text()
+}
+
+struct Place {
+    dir: PathBuf,
+    config: PathBuf,
+    log: PathBuf,
+}
+
+impl Place {
+    fn new(root: &Path, number: usize) -> Self {
+        let dir = root.join(number.to_string());
+        fs::create_dir_all(&dir).unwrap();
+        let text = fs::read_to_string(etc().join("recorder.toml")).unwrap();
+        let text = text
+            .replace(
+                "\"example.dbc\"",
+                &format!("{:?}", etc().join("example.dbc")),
+            )
+            .replace("[run]", "[run]\nsocket = \"sock\"");
+        let config = dir.join("recorder.toml");
+        fs::write(&config, text).unwrap();
+        let log = dir.join("crash.log");
+        fs::write(&log, crash_log()).unwrap();
+        Self { dir, config, log }
+    }
+
+    fn start(&self) -> Child {
+        let err = fs::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(self.dir.join("err.txt"))
+            .unwrap();
+        Command::new(env!("CARGO_BIN_EXE_recorder"))
+            .args(["run", "--config"])
+            .arg(&self.config)
+            .arg("--paced")
+            .arg(&self.log)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(err)
+            .spawn()
+            .unwrap()
+    }
+
+    fn spool(&self) -> PathBuf {
+        self.dir.join("records/spool.svs")
+    }
+
+    fn records(&self) -> Vec<PathBuf> {
+        let mut found: Vec<PathBuf> = fs::read_dir(self.dir.join("records"))
+            .map(|entries| entries.map(|entry| entry.unwrap().path()).collect())
+            .unwrap_or_default();
+        found.retain(|path| path.extension().is_some_and(|end| end == "svb"));
+        found.sort();
+        found
+    }
+
+    fn said(&self) -> String {
+        fs::read_to_string(self.dir.join("err.txt")).unwrap_or_default()
+    }
+}
+
+/// UTC of a record's first trigger, ns: the same wherever it was sealed.
+fn trigger_utc(record: &Record) -> i64 {
+    record.triggers[0].monotonic_ns + record.header.clock.offset_ns
+}
+
+fn read_record(path: &Path) -> Record {
+    let bytes = fs::read(path).unwrap();
+    let (record, _) =
+        Record::read(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    record
+}
+
+#[derive(Default)]
+struct Tally {
+    kills: AtomicU64,
+    after_trigger: AtomicU64,
+    recovered: AtomicU64,
+    sealed: AtomicU64,
+    losses: Mutex<Vec<(f64, bool)>>,
+}
+
+fn quantile(sorted: &[f64], part: f64) -> f64 {
+    let at = ((sorted.len() as f64 * part).ceil() as usize).clamp(1, sorted.len());
+    sorted[at - 1]
+}
+
+/// One daemon's life: started, killed, looked at, again.
+fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut unfinished: Vec<i64> = Vec::new();
+    for _ in 0..runs {
+        let mut child = place.start();
+        // A third in the 2 s after the trigger, a third before it, the rest anywhere.
+        let wait = match random.random_range(0..3) {
+            0 => CRASH_S + 0.1 + random.random_range(0.0..2.0),
+            1 => random.random_range(0.05..CRASH_S),
+            _ => random.random_range(0.05..9.0),
+        };
+        thread::sleep(Duration::from_secs_f64(wait));
+        let killed_ns = realtime_ns();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        tally.kills.fetch_add(1, Ordering::Relaxed);
+
+        // What was unfinished at the kill before this start is sealed now, once.
+        let records: Vec<Record> = place
+            .records()
+            .iter()
+            .map(|path| read_record(path))
+            .collect();
+        let triggers: Vec<i64> = records.iter().map(trigger_utc).collect();
+        let recovered: Recovered = recover(&Disk, &place.spool()).unwrap();
+        assert!(recovered.notes.is_empty(), "{:?}", recovered.notes);
+        for utc in &unfinished {
+            let times = triggers.iter().filter(|found| *found == utc).count();
+            let waits = recovered
+                .records
+                .iter()
+                .any(|record| trigger_utc(record) == *utc);
+            assert!(times <= 1, "sealed twice: {}", place.said());
+            // Killed again before it could be sealed: then the spool still has it.
+            assert!(times == 1 || waits, "not sealed: {}", place.said());
+        }
+        unfinished.retain(|utc| !triggers.contains(utc));
+        for record in &recovered.records {
+            let utc = trigger_utc(record);
+            if !triggers.contains(&utc) && !unfinished.contains(&utc) {
+                unfinished.push(utc);
+                tally.recovered.fetch_add(1, Ordering::Relaxed);
+                assert!(!record.completion.complete);
+            }
+        }
+        // How much is lost: frames come each 10 ms at least, the whole time.
+        let Some(last_ns) = recovered.last_ns.filter(|_| recovered.frames > 20) else {
+            continue;
+        };
+        let loss_ms = (killed_ns - last_ns) as f64 / 1e6;
+        let event = recovered
+            .records
+            .iter()
+            .any(|record| trigger_utc(record) + 100_000_000 < last_ns);
+        if loss_ms < 5000.0 {
+            if event {
+                tally.after_trigger.fetch_add(1, Ordering::Relaxed);
+            }
+            tally.losses.lock().unwrap().push((loss_ms, event));
+        }
+    }
+    // One more start: everything that was left is sealed.
+    let mut child = place.start();
+    thread::sleep(Duration::from_secs(1));
+    let _ = Command::new("kill")
+        .arg("-TERM")
+        .arg(child.id().to_string())
+        .status();
+    assert!(child.wait().unwrap().success(), "{}", place.said());
+    let triggers: Vec<i64> = place
+        .records()
+        .iter()
+        .map(|path| trigger_utc(&read_record(path)))
+        .collect();
+    for utc in unfinished {
+        assert_eq!(
+            triggers.iter().filter(|found| **found == utc).count(),
+            1,
+            "{}",
+            place.said()
+        );
+    }
+    tally
+        .sealed
+        .fetch_add(triggers.len() as u64, Ordering::Relaxed);
+}
+
+#[test]
+fn what_is_killed_loses_at_most_the_bound_and_every_event_is_sealed_once() {
+    let number = |name: &str, otherwise: u64| {
+        std::env::var(name).map_or(otherwise, |text| text.parse().unwrap())
+    };
+    let kills = number("SVARTBOKS_KILLS", 50);
+    let daemons = number("SVARTBOKS_KILL_DAEMONS", 6).min(kills);
+    let root = std::env::temp_dir().join(format!("recorder-kill-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&root);
+    let tally = Arc::new(Tally::default());
+    let workers: Vec<_> = (0..daemons)
+        .map(|number| {
+            let place = Place::new(&root, number as usize);
+            let runs = kills / daemons + u64::from(number < kills % daemons);
+            let tally = Arc::clone(&tally);
+            thread::spawn(move || worker(&place, runs, 82_000 + number, &tally))
+        })
+        .collect();
+    for worker in workers {
+        worker.join().unwrap();
+    }
+    let losses = tally.losses.lock().unwrap();
+    for (event, bound) in [(false, BOUND_MS), (true, EVENT_BOUND_MS)] {
+        let mut of: Vec<f64> = losses
+            .iter()
+            .filter(|(_, is)| *is == event)
+            .map(|(loss, _)| *loss)
+            .collect();
+        of.sort_by(f64::total_cmp);
+        if of.is_empty() {
+            continue;
+        }
+        println!(
+            "{} kills {}: lost {:.1} ms in the median, {:.1} ms at the 99th percentile, {:.1} ms at most",
+            of.len(),
+            if event {
+                "while an event ran"
+            } else {
+                "without an event"
+            },
+            quantile(&of, 0.5),
+            quantile(&of, 0.99),
+            of[of.len() - 1]
+        );
+        assert!(of[of.len() - 1] <= bound + FEED_MS);
+    }
+    println!(
+        "{} kills, {} of them while an event ran; {} unfinished events read back, {} records at the end, all verified",
+        tally.kills.load(Ordering::Relaxed),
+        tally.after_trigger.load(Ordering::Relaxed),
+        tally.recovered.load(Ordering::Relaxed),
+        tally.sealed.load(Ordering::Relaxed)
+    );
+    assert_eq!(tally.kills.load(Ordering::Relaxed), kills);
+    fs::remove_dir_all(&root).unwrap();
+}
