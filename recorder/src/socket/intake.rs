@@ -48,6 +48,11 @@ impl Intake {
         }
     }
 
+    /// Time of the newest frame, ns on the line.
+    pub(super) fn newest_ns(&self) -> i64 {
+        self.after_ns
+    }
+
     /// Numbers what still waits anew: the interface has another place in the configuration.
     pub(super) fn renumber(&mut self, number: u8) {
         for frame in &mut self.frames {

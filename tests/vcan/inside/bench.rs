@@ -115,16 +115,9 @@ impl Process {
         self.0.try_wait().unwrap().is_none()
     }
 
-    /// Processor time it has used, s.
-    pub(crate) fn cpu_s(&self) -> f64 {
-        // Nanoseconds on the processor are the first word; exact where the ticks of `stat` are not.
-        let text = fs::read_to_string(format!("/proc/{}/schedstat", self.id())).unwrap();
-        text.split_whitespace()
-            .next()
-            .unwrap()
-            .parse::<f64>()
-            .unwrap()
-            * 1e-9
+    /// Waits for its end; gives its exit code.
+    pub(crate) fn wait(&mut self) -> Option<i32> {
+        self.0.wait().unwrap().code()
     }
 
     /// Sends it a signal by name.
