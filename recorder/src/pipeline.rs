@@ -282,8 +282,8 @@ impl<'a> Pipeline<'a> {
     fn keep_aux(&mut self, at_ns: i64, slot: usize, value: f64) {
         let group = aux_group(at_ns);
         if self.aux.back().is_none_or(|(last, _)| *last < group) {
-            self.aux
-                .push_back((group, vec![None; self.settings.plan.aux.len()]));
+            let row = self.ring.aux_row(self.settings.plan.aux.len());
+            self.aux.push_back((group, row));
         }
         let row = self.aux.iter_mut().rev().find(|(open, _)| *open == group);
         if let Some(entry) = row.and_then(|(_, row)| row.get_mut(slot)) {

@@ -39,6 +39,8 @@ pub struct Ring {
     notes: VecDeque<(i64, String)>,
     /// Groups of ten samples (index / 10) and their auxiliary values.
     aux: VecDeque<(u64, Vec<Option<f64>>)>,
+    /// A row of auxiliary values that is no longer needed, to be filled again.
+    spare: Option<Vec<Option<f64>>>,
     capacity: Option<u64>,
 }
 
@@ -176,6 +178,7 @@ impl Ring {
             steps: self.steps.clone(),
             notes: self.notes.clone(),
             aux: self.aux.clone(),
+            spare: None,
         };
         copy.trim();
         copy
@@ -205,8 +208,16 @@ impl Ring {
             .front()
             .is_some_and(|(group, _)| (group + 1) * AUX_SPAN <= first)
         {
-            self.aux.pop_front();
+            self.spare = self.aux.pop_front().map(|(_, row)| row);
         }
+    }
+
+    /// A row for so many auxiliary values, none of them known.
+    pub fn aux_row(&mut self, values: usize) -> Vec<Option<f64>> {
+        let mut row = self.spare.take().unwrap_or_default();
+        row.clear();
+        row.resize(values, None);
+        row
     }
 
     /// Samples in order.

@@ -17,15 +17,16 @@ use std::time::Duration;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recorder::clock::realtime_ns;
+use recorder::keys::read_public;
 use recorder::recovery::{Recovered, recover};
 use recorder::storage::Disk;
-use schema::Record;
+use schema::{Record, num};
 use support::{Log, etc};
 
 /// When the crash is, s from the log's start.
 const CRASH_S: f64 = 2.5;
-/// The log's length, s.
-const LENGTH_S: f64 = 16.0;
+/// The log's length, in samples of 10 ms.
+const LENGTH: u32 = 1600;
 /// A cut loses at most so much, ms; and while an event runs.
 const BOUND_MS: f64 = 100.0;
 const EVENT_BOUND_MS: f64 = 50.0;
@@ -36,13 +37,13 @@ const FEED_MS: f64 = 10.0;
 fn crash_log() -> String {
     let mut log = Log::default();
     let mut at = 0.0;
-    for number in 0_u32..(LENGTH_S * 100.0) as u32 {
+    for number in 0_u32..LENGTH {
         let t = f64::from(number) / 100.0;
         let pulse = (CRASH_S..CRASH_S + 0.14).contains(&t);
         let forward = if pulse { -100.0 } else { 0.0 };
         log.accel(t, [forward, 0.0, 9.806], u64::from(number));
         log.rate(t + 0.0002, [0.0; 3], u64::from(number));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             log.wheels(t + 0.0004, if t < CRASH_S { 50.0 } else { 0.0 });
         }
         at = t;
@@ -58,16 +59,18 @@ struct Place {
 }
 
 impl Place {
-    fn new(root: &Path, number: usize) -> Self {
+    fn new(root: &Path, number: u64) -> Self {
         let dir = root.join(number.to_string());
         fs::create_dir_all(&dir).unwrap();
         let text = fs::read_to_string(etc().join("recorder.toml")).unwrap();
         let text = text
             .replace(
                 "\"example.dbc\"",
-                &format!("{:?}", etc().join("example.dbc")),
+                &format!("\"{}\"", etc().join("example.dbc").display()),
             )
+            .replace("# key =", "key =")
             .replace("[run]", "[run]\nsocket = \"sock\"");
+        recorder::keys::create(&dir.join("device.key")).unwrap();
         let config = dir.join("recorder.toml");
         fs::write(&config, text).unwrap();
         let log = dir.join("crash.log");
@@ -118,9 +121,28 @@ fn trigger_utc(record: &Record) -> i64 {
 
 fn read_record(path: &Path) -> Record {
     let bytes = fs::read(path).unwrap();
-    let (record, _) =
-        Record::read(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    record
+    let read = Record::read(&bytes).map_err(|error| format!("{}: {error}", path.display()));
+    read.unwrap().0
+}
+
+/// The records of a place, each sealed by the key and naming the one before; those between may have been removed by
+/// the keep rule.
+fn verify(place: &Place) -> Vec<Record> {
+    let key = read_public(&place.dir.join("device.key.pub")).unwrap();
+    let mut before: Option<(u64, [u8; 32])> = None;
+    let mut records = Vec::new();
+    for path in place.records() {
+        let (record, seal) = Record::read(&fs::read(&path).unwrap()).unwrap();
+        assert!(seal.signed_by(&key), "{}", path.display());
+        if let Some((number, digest)) = before
+            && record.header.number == number + 1
+        {
+            assert_eq!(record.header.previous_sha256, digest, "{}", path.display());
+        }
+        before = Some((record.header.number, seal.sha256));
+        records.push(record);
+    }
+    records
 }
 
 #[derive(Default)]
@@ -133,8 +155,8 @@ struct Tally {
 }
 
 fn quantile(sorted: &[f64], part: f64) -> f64 {
-    let at = ((sorted.len() as f64 * part).ceil() as usize).clamp(1, sorted.len());
-    sorted[at - 1]
+    let at = num::round_usize((num::real(sorted.len()) * part).ceil());
+    sorted[at.clamp(1, sorted.len()) - 1]
 }
 
 /// One daemon's life: started, killed, looked at, again.
@@ -187,7 +209,7 @@ fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
         let Some(last_ns) = recovered.last_ns.filter(|_| recovered.frames > 20) else {
             continue;
         };
-        let loss_ms = (killed_ns - last_ns) as f64 / 1e6;
+        let loss_ms = num::real_i64(killed_ns - last_ns) / 1e6;
         let event = recovered
             .records
             .iter()
@@ -207,11 +229,7 @@ fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
         .arg(child.id().to_string())
         .status();
     assert!(child.wait().unwrap().success(), "{}", place.said());
-    let triggers: Vec<i64> = place
-        .records()
-        .iter()
-        .map(|path| trigger_utc(&read_record(path)))
-        .collect();
+    let triggers: Vec<i64> = verify(place).iter().map(trigger_utc).collect();
     for utc in unfinished {
         assert_eq!(
             triggers.iter().filter(|found| **found == utc).count(),
@@ -222,7 +240,7 @@ fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
     }
     tally
         .sealed
-        .fetch_add(triggers.len() as u64, Ordering::Relaxed);
+        .fetch_add(num::u64_of(triggers.len()), Ordering::Relaxed);
 }
 
 #[test]
@@ -237,7 +255,7 @@ fn what_is_killed_loses_at_most_the_bound_and_every_event_is_sealed_once() {
     let tally = Arc::new(Tally::default());
     let workers: Vec<_> = (0..daemons)
         .map(|number| {
-            let place = Place::new(&root, number as usize);
+            let place = Place::new(&root, number);
             let runs = kills / daemons + u64::from(number < kills % daemons);
             let tally = Arc::clone(&tally);
             thread::spawn(move || worker(&place, runs, 82_000 + number, &tally))

@@ -16,11 +16,12 @@ use recorder::recovery::{Recovered, recover};
 use recorder::spool::{Entry, Journal, SpoolFile, bundles, scan};
 use recorder::storage::Storage;
 use recorder::storage::model::{Cut, Model};
-use schema::Record;
+use schema::{Record, num};
 use support::{EPOCH, Log, etc};
 
 const CRASH_S: f64 = 3.0;
-const LENGTH_S: f64 = 20.0;
+/// In samples of 10 ms.
+const LENGTH: u32 = 2000;
 const MS: i64 = 1_000_000;
 /// The longest that a flush takes in the model, and what may be lost in all.
 const FLUSH_TAKES: i64 = 30 * MS;
@@ -33,7 +34,7 @@ fn spool_path() -> PathBuf {
 
 fn crash_log() -> String {
     let mut log = Log::default();
-    for number in 0_u32..(LENGTH_S * 100.0) as u32 {
+    for number in 0_u32..LENGTH {
         let t = f64::from(number) / 100.0;
         let pulse = (CRASH_S..CRASH_S + 0.14).contains(&t);
         let wobble = f64::from(number % 7) * 0.05;
@@ -43,7 +44,7 @@ fn crash_log() -> String {
             u64::from(number),
         );
         log.rate(t + 0.0002, [0.0, wobble, 0.0], u64::from(number));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             log.wheels(t + 0.0004, if t < CRASH_S { 50.0 } else { 0.0 });
         }
     }
@@ -171,7 +172,7 @@ fn record(settings: &Arc<Settings>, frames: &[Frame], blocks: u64) -> Recording 
             pending = Some((now + takes, durable));
             flushed = now;
         }
-        let age = (now - durable_ns) as f64 / 1e6;
+        let age = num::real_i64(now - durable_ns) / 1e6;
         let since = alert_since.filter(|_| event).unwrap_or(now);
         alert_since = event.then_some(since);
         // What came before the alert falls under the quiet bound.
@@ -203,7 +204,7 @@ fn whatever_was_synchronised_is_read_back_after_any_cut() {
     let recording = record(&settings, &frames, 700);
     let [quiet, event] = recording.oldest_unsynced_ms;
     println!("oldest frame that was not synchronised: {quiet:.1} ms, in an event {event:.1} ms");
-    assert!(quiet <= BOUND as f64 / 1e6 && event <= EVENT_BOUND as f64 / 1e6);
+    assert!(quiet <= num::real_i64(BOUND) / 1e6 && event <= num::real_i64(EVENT_BOUND) / 1e6);
     let live = recording
         .live
         .as_ref()
@@ -224,8 +225,8 @@ fn whatever_was_synchronised_is_read_back_after_any_cut() {
         for cut in [
             Cut::Least,
             Cut::Process,
-            Cut::Some(count as u64),
-            Cut::Some(!(count as u64)),
+            Cut::Some(num::u64_of(count)),
+            Cut::Some(!num::u64_of(count)),
         ] {
             let left = recording.model.after_cut(count, cut);
             let back = read_back(&left);
@@ -274,7 +275,7 @@ fn whatever_was_synchronised_is_read_back_after_any_cut() {
 fn a_crash_whose_trigger_was_not_decided_yet_is_found() {
     let settings = Arc::new(Settings::load(&etc().join("recorder.toml")).unwrap());
     let all = frames(&settings, &crash_log());
-    let contact = EPOCH * 1000 * MS + (CRASH_S * 1e9) as i64;
+    let contact = EPOCH * 1000 * MS + num::round_i64(CRASH_S * 1e9);
     let mut found_after = i64::MAX;
     for after_ms in (20..200).step_by(5) {
         let until = contact + after_ms * MS;
