@@ -11,6 +11,8 @@
 )]
 
 mod bench;
+mod daemon;
+mod drives;
 mod sockets;
 mod traffic;
 
@@ -37,7 +39,7 @@ fn main() -> ExitCode {
         }
     }
     let mut failed = false;
-    let tests: Vec<Test> = [sockets::TESTS, traffic::TESTS].concat();
+    let tests: Vec<Test> = [sockets::TESTS, traffic::TESTS, drives::TESTS].concat();
     for (name, sets_clock, test) in tests.into_iter() {
         let wanted = names.is_empty() || names.iter().any(|part| name.contains(part.as_str()));
         if !wanted || (sets_clock && !own_clock) || (only_own_clock && !sets_clock) {
