@@ -16,9 +16,14 @@ use crate::daemon::{AT_REST, Daemon, Senders, cpu_s, records};
 /// The tests of this file.
 pub(crate) const TESTS: &[Test] = &[
     (
-        "records_equal_those_of_a_replay_of_the_log",
+        "records_of_a_stop_by_hand_equal_a_replay_of_the_log",
         false,
-        equal_to_replay,
+        stop_equals_replay,
+    ),
+    (
+        "records_of_a_crash_equal_a_replay_of_the_log",
+        false,
+        crash_equals_replay,
     ),
     ("a_full_bus_for_a_minute_loses_no_mapped_frame", false, load),
     (
@@ -29,59 +34,93 @@ pub(crate) const TESTS: &[Test] = &[
     ("a_hostile_bus_is_survived_and_told", false, hostile),
 ];
 
-/// Seconds of the recorded drive that are played: the first stop of the car.
-const PLAYED: std::ops::Range<f64> = 32.0..66.5;
-/// Seconds after the beginning at which it is triggered by hand: the car stands since a second.
-const BY_HAND_S: u64 = 26;
+/// A drive to be played.
+struct Drive {
+    /// Its log, beginning at 1700000000.
+    log: PathBuf,
+    /// Its configuration.
+    config: String,
+    /// Seconds of it that are played.
+    played: std::ops::Range<f64>,
+    /// Seconds after the beginning at which it is triggered by hand.
+    by_hand_s: Option<u64>,
+    /// The trigger it must have.
+    kind: TriggerKind,
+}
 
-/// The drive to be played, its configuration, and when it is triggered by hand.
-fn drive(lane: &Lane) -> (PathBuf, PathBuf) {
+fn replaced(lane: &Lane, config: &str, pairs: &[(&str, &str)]) -> String {
+    let mut text = fs::read_to_string(lane.root.join(config)).unwrap();
+    for (from, to) in pairs.iter().chain(&[("\"can0\"", "\"vcan0\"")]) {
+        assert!(text.contains(from), "{config} has no {from}");
+        text = text.replace(from, to);
+    }
+    text
+}
+
+/// A crash that the project's simulator made.
+fn crash(lane: &Lane) -> Drive {
+    let dbc = lane.root.join("fixtures/dbc/oblique-1.dbc");
+    let pairs = [
+        ("../dbc/oblique-1.dbc", dbc.to_str().unwrap()),
+        ("seconds = 40", "seconds = 30"),
+    ];
+    Drive {
+        log: lane.root.join("fixtures/can/oblique-1.log"),
+        config: replaced(lane, "fixtures/config/oblique-1.toml", &pairs),
+        played: 19.0..53.2,
+        by_hand_s: None,
+        kind: TriggerKind::DeltaV,
+    }
+}
+
+/// The first stop of a recorded drive, or of the simulated one where there is none.
+fn stop(lane: &Lane) -> Drive {
     let data = lane.root.join("../shared/data");
-    let dir = lane.dir();
-    let (log, config, interface, settings) = if data.join("wid08.log").exists() {
-        let config = fs::read_to_string(lane.root.join("tests/config/wid08.toml")).unwrap();
-        let config = config
-            .replace(
-                "../../../shared/data/lab.dbc",
-                data.join("lab.dbc").to_str().unwrap(),
-            )
-            .replace("post_trigger_s = 5", "seconds = 20\npost_trigger_s = 5")
-            // The drive has no crash: braking is made one.
-            .replace("[trigger]", "[trigger]\ndelta_v_kmh = 1");
-        (data.join("wid08.log"), config, "can0", PLAYED)
-    } else {
+    if !data.join("wid08.log").exists() {
         println!(
-            "skipped: the drive wid08 (../shared/data is not here); a simulated crash is played instead"
+            "skipped: the drive wid08 (../shared/data is not here): a simulated one is played instead"
         );
-        let config = fs::read_to_string(lane.root.join("fixtures/config/oblique-1.toml")).unwrap();
-        let dbc = lane.root.join("fixtures/dbc/oblique-1.dbc");
-        let config = config
-            .replace("../dbc/oblique-1.dbc", dbc.to_str().unwrap())
-            .replace(
-                "seconds = 40\npost_trigger_s = 10",
-                "seconds = 20\npost_trigger_s = 3",
-            );
-        let log = lane.root.join("fixtures/can/oblique-1.log");
-        (log, config, "can0", 20.0..53.2)
-    };
-    let text = fs::read_to_string(log).unwrap();
-    let cut: String = text
-        .lines()
-        .filter(|line| {
-            let seconds: f64 = line[1..line.find(')').unwrap()].parse().unwrap();
-            settings.contains(&(seconds - 1_700_000_000.0))
-        })
-        .map(|line| format!("{line}\n"))
-        .collect();
-    let played = dir.join("played.log");
-    fs::write(&played, cut).unwrap();
-    let path = dir.join("config.toml");
-    fs::write(
-        &path,
-        config.replace(&format!("\"{interface}\""), "\"vcan0\""),
-    )
-    .unwrap();
-    (played, path)
+        return Drive {
+            by_hand_s: Some(30),
+            kind: TriggerKind::Manual,
+            ..crash(lane)
+        };
+    }
+    let dbc = data.join("lab.dbc");
+    let pairs = [
+        ("../../../shared/data/lab.dbc", dbc.to_str().unwrap()),
+        ("post_trigger_s = 5", "seconds = 30\npost_trigger_s = 5"),
+    ];
+    Drive {
+        log: data.join("wid08.log"),
+        config: replaced(lane, "tests/config/wid08.toml", &pairs),
+        played: 32.0..66.5,
+        // The car stands since a second.
+        by_hand_s: Some(26),
+        kind: TriggerKind::Manual,
+    }
+}
+
+impl Drive {
+    /// Writes log and configuration into the test's folder; gives their paths.
+    fn write(&self, lane: &Lane) -> (PathBuf, PathBuf) {
+        let cut: String = fs::read_to_string(&self.log)
+            .unwrap()
+            .lines()
+            .filter(|line| {
+                let seconds: f64 = line[1..line.find(')').unwrap()].parse().unwrap();
+                self.played.contains(&(seconds - 1_700_000_000.0))
+            })
+            .map(|line| format!("{line}\n"))
+            .collect();
+        let (log, config) = (
+            lane.dir().join("played.log"),
+            lane.dir().join("config.toml"),
+        );
+        fs::write(&log, cut).unwrap();
+        fs::write(&config, &self.config).unwrap();
+        (log, config)
+    }
 }
 
 /// Samples by their time in UTC, ns.
@@ -101,14 +140,24 @@ fn kinds(record: &Record) -> Vec<TriggerKind> {
     record.triggers.iter().map(|trigger| trigger.kind).collect()
 }
 
-fn equal_to_replay(lane: &Lane) {
-    let (played, config) = drive(lane);
+fn stop_equals_replay(lane: &Lane) {
+    equals_replay(lane, &stop(lane));
+}
+
+fn crash_equals_replay(lane: &Lane) {
+    equals_replay(lane, &crash(lane));
+}
+
+fn equals_replay(lane: &Lane, drive: &Drive) {
+    let (played, config) = drive.write(lane);
     let mut daemon = Daemon::start(lane, &config);
     let (mut candump, log) = lane.candump(&["vcan0"]);
     let words = ["-I", played.to_str().unwrap(), "vcan0=can0"];
     let mut player = Process::start("canplayer", &words, &lane.dir().join("canplayer"));
-    sleep(Duration::from_secs(BY_HAND_S));
-    daemon.trigger();
+    if let Some(seconds) = drive.by_hand_s {
+        sleep(Duration::from_secs(seconds));
+        daemon.trigger();
+    }
     assert_eq!(player.wait(), Some(0));
     daemon.until("no event runs", 30, |status| status["state"] == "recording");
     let status = daemon.until("the records are sealed", 30, |status| {
@@ -132,7 +181,7 @@ fn equal_to_replay(lane: &Lane) {
             format!("{}.{:09}", after / 1_000_000_000, after % 1_000_000_000)
         })
         .collect();
-    assert_eq!(manual.len(), 1, "the trigger by hand is in a record");
+    assert_eq!(manual.len(), usize::from(drive.by_hand_s.is_some()));
     let out = lane.dir().join("replayed");
     let mut words = vec![
         "replay",
@@ -140,7 +189,10 @@ fn equal_to_replay(lane: &Lane) {
         config.to_str().unwrap(),
         log.to_str().unwrap(),
     ];
-    words.extend(["--out", out.to_str().unwrap(), "--trigger-at", &manual[0]]);
+    words.extend(["--out", out.to_str().unwrap()]);
+    for seconds in &manual {
+        words.extend(["--trigger-at", seconds]);
+    }
     let status = std::process::Command::new(lane.bin.join("recorder"))
         .args(&words)
         .output()
@@ -170,20 +222,10 @@ fn equal_to_replay(lane: &Lane) {
             example.map(|at| (ours[at], theirs[at]))
         );
         assert_eq!(ours.len(), theirs.len());
-        assert_eq!(live.raw, shifted(replayed, live));
+        assert!(live.raw == replayed.raw, "the raw frames differ");
         assert!(live.completion.complete, "{:?}", live.completion);
     }
-    for kind in [TriggerKind::Manual, TriggerKind::DeltaV] {
-        assert!(
-            triggers.contains(&kind),
-            "{kind:?} is missing in {triggers:?}"
-        );
-    }
-}
-
-/// The raw frames of a replayed record on the grid of the live one, where stamps have microseconds only.
-fn shifted(replayed: &Record, _live: &Record) -> Vec<schema::parts::RawFrame> {
-    replayed.raw.clone()
+    assert!(triggers.contains(&drive.kind), "{triggers:?}");
 }
 
 /// A configuration without counters for the daemon, with a piece of its own.
@@ -282,11 +324,11 @@ fn whole_bus(lane: &Lane) {
 }
 
 fn event_in_trouble(lane: &Lane) {
-    let tail = "[ring]\nseconds = 20\npost_trigger_s = 12";
+    let tail = "[ring]\nseconds = 30\npost_trigger_s = 24";
     let mut daemon = Daemon::start(lane, &config(lane, "mapped", tail));
     let signals = Senders::start(lane, AT_REST);
     daemon.until("the ring fills", 30, |status| {
-        status["ring"]["held_s"].as_f64() > Some(4.0)
+        status["ring"]["held_s"].as_f64() > Some(7.0)
     });
     daemon.trigger();
     for round in 0..5 {
@@ -323,7 +365,7 @@ fn event_in_trouble(lane: &Lane) {
         next - record.first_index(),
         record.health.notes
     );
-    assert!(after >= 1200, "{after}");
+    assert!(after >= 2400, "{after}");
     assert_eq!(
         record.health.clock_steps.len(),
         2,
@@ -344,7 +386,7 @@ fn hostile(lane: &Lane) {
     let path: &Path = &lane.config(
         &["vcan0"],
         "mapped",
-        "[ring]\nseconds = 20\npost_trigger_s = 2",
+        "[ring]\nseconds = 30\npost_trigger_s = 2",
     );
     let mut daemon = Daemon::start(lane, path);
     let mut commands = AT_REST.to_vec();
