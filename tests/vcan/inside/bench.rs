@@ -42,10 +42,12 @@ impl Lane {
     /// A configuration on these interfaces; `changes` are pairs of text to replace, `tail` is added.
     pub(crate) fn config(&self, interfaces: &[&str], raw: &str, tail: &str) -> PathBuf {
         let dbc = self.root.join("recorder/etc/example.dbc");
-        let buses: String = interfaces
+        let dbc = dbc.display();
+        let buses: Vec<String> = interfaces
             .iter()
-            .map(|name| format!("[[bus]]\ninterface = \"{name}\"\ndbc = {dbc:?}\n"))
+            .map(|name| format!("[[bus]]\ninterface = \"{name}\"\ndbc = \"{dbc}\"\n"))
             .collect();
+        let buses = buses.concat();
         let bus = if interfaces.len() > 1 { "vcan0:" } else { "" };
         let signals = |message: &str, names: [&str; 3]| {
             names

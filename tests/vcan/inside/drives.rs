@@ -104,15 +104,12 @@ fn stop(lane: &Lane) -> Drive {
 impl Drive {
     /// Writes log and configuration into the test's folder; gives their paths.
     fn write(&self, lane: &Lane) -> (PathBuf, PathBuf) {
-        let cut: String = fs::read_to_string(&self.log)
-            .unwrap()
-            .lines()
-            .filter(|line| {
-                let seconds: f64 = line[1..line.find(')').unwrap()].parse().unwrap();
-                self.played.contains(&(seconds - 1_700_000_000.0))
-            })
-            .map(|line| format!("{line}\n"))
-            .collect();
+        let text = fs::read_to_string(&self.log).unwrap();
+        let lines = text.split_inclusive('\n').filter(|line| {
+            let seconds: f64 = line[1..line.find(')').unwrap()].parse().unwrap();
+            self.played.contains(&(seconds - 1_700_000_000.0))
+        });
+        let cut: String = lines.collect();
         let (log, config) = (
             lane.dir().join("played.log"),
             lane.dir().join("config.toml"),
@@ -233,9 +230,8 @@ fn config(lane: &Lane, raw: &str, tail: &str) -> PathBuf {
     let path = lane.config(&["vcan0"], raw, tail);
     let text = fs::read_to_string(&path).unwrap();
     let text: String = text
-        .lines()
+        .split_inclusive('\n')
         .filter(|line| !line.starts_with("accel_counter"))
-        .map(|line| format!("{line}\n"))
         .collect();
     fs::write(&path, text).unwrap();
     path
