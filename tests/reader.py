@@ -88,7 +88,7 @@ HEALTH = each("u64", "frames_seen", "frames_dropped", "error_frames", "malformed
     ("gaps", ([("signal", "str"), ("from_ns", "i64"), ("to_ns", "i64")],)), ("clock_steps", (each("i64", "monotonic_ns", "step_ns"),)),
     ("signals", ([("signal", "str"), ("frames", "u64"), ("lost_by_counter", "?u64"), ("period_ns", "u64"), ("jitter_ns", "u64")],)),
     ("notes", "list str")]
-TRIGGERS = ([("kind", "enum peak delta-v manual can"), ("monotonic_ns", "i64"), ("index", "u64"), ("value", "f64"), ("threshold", "f64"), ("source", "str")],)
+TRIGGERS = ([("kind", "enum peak delta-v manual can power-loss"), ("monotonic_ns", "i64"), ("index", "u64"), ("value", "f64"), ("threshold", "f64"), ("source", "str")],)
 DONE = [("complete", "bool"), ("reasons", "list str"), ("ends_at_rest", "bool")]
 CLIP = [("index", "u64"), ("axis", "u8"), ("sign", "i8"), ("clipped", "u16"), ("frames", "u16")]
 

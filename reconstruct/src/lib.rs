@@ -7,6 +7,7 @@ pub mod epochs;
 pub mod error;
 pub mod error_model;
 pub mod export;
+pub mod fetch;
 pub mod filter;
 pub mod findings;
 pub mod frame;

@@ -2,6 +2,7 @@
 
 mod daemon;
 mod key;
+mod serve;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use serde::Serialize;
 
 use crate::check::{CheckReport, check, check_live};
 use crate::config::Settings;
+use crate::daemon::status::kind_word;
 use crate::error::RecorderError;
 use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
 use crate::socket::Sockets;
@@ -119,6 +121,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Read the records out over a serial line, to who knows the token.
+    Serve(serve::Args),
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -191,6 +195,7 @@ pub fn run(args: Args) -> ExitCode {
             socket,
             json,
         } => daemon::trigger(config.as_deref(), socket, json),
+        Command::Serve(args) => serve::run(args, &mut err),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -424,14 +429,4 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
         print(&format!("warning: {warning}"))?;
     }
     Ok(())
-}
-
-/// A trigger in words.
-fn kind_word(kind: TriggerKind) -> &'static str {
-    match kind {
-        TriggerKind::Peak => "peak",
-        TriggerKind::DeltaV => "delta-v",
-        TriggerKind::Manual => "manual",
-        TriggerKind::Can => "can",
-    }
 }

@@ -52,6 +52,14 @@ pub enum RecorderError {
     /// Nothing can be encrypted to the configured recipient.
     #[error(transparent)]
     Recipient(#[from] crate::store::encrypt::RecipientError),
+    /// The read-out over a serial line could not go on.
+    #[error("{device}: {found}")]
+    Serial {
+        /// The device.
+        device: String,
+        /// What was found.
+        found: String,
+    },
     /// The record could not be written.
     #[error("{}: {source}", path.display())]
     Record {

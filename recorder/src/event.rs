@@ -301,7 +301,7 @@ fn trigger(fired: &Fired, settings: &Settings) -> Trigger {
             .can
             .get(fired.source)
             .map_or_else(String::new, |can| can.signal.clone()),
-        TriggerKind::Manual => String::new(),
+        TriggerKind::Manual | TriggerKind::PowerLoss => String::new(),
     };
     Trigger {
         kind: fired.kind,

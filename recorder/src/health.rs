@@ -2,6 +2,8 @@
 
 use crate::config::Settings;
 use crate::event::{GROUP_NAMES, GroupState};
+use crate::imu_stream::ImuStream;
+use crate::pace::Pace;
 
 /// A slower IMU than 1 kHz leaves the band-width error of delta-V open, ns (with some slack).
 const FAST_NS: f64 = 1.1e6;
@@ -41,6 +43,44 @@ pub fn standing_notes(settings: &Settings, groups: &[GroupState; 4]) -> Vec<Stri
     for (name, state) in GROUP_NAMES.iter().zip(groups).take(wanted) {
         if state.last_ns.is_none() {
             notes.push(format!("no frame of {name} was ever received"));
+        }
+    }
+    notes
+}
+
+/// Sentences about senders that do not behave: counters that stand still or jump, frames of two senders.
+#[must_use]
+pub fn sender_notes(streams: &[ImuStream], paces: &[Pace; 4]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for stream in streams {
+        let name = match (stream.leads(0), stream.leads(1)) {
+            (true, _) => "accelerometer",
+            (_, true) => "gyro",
+            _ => "IMU",
+        };
+        let counter = stream.counter();
+        if counter.stale > 0 {
+            notes.push(format!(
+                "the rolling counter of the {name}'s frames stood still in {} frames",
+                counter.stale
+            ));
+        }
+        if counter.jumps > 0 {
+            notes.push(format!(
+                "the rolling counter of the {name}'s frames jumped in {} frames by more than time allows: it was reset, or \
+                 a second sender uses the identifier",
+                counter.jumps
+            ));
+        }
+    }
+    for (name, pace) in GROUP_NAMES.iter().zip(paces) {
+        if let Some((settled, fastest)) = pace.crowded() {
+            notes.push(format!(
+                "frames of {name} came every {:.2} ms, before that every {:.2} ms: its rate changed, or a second sender uses \
+                 the identifier",
+                fastest / 1e6,
+                settled / 1e6
+            ));
         }
     }
     notes

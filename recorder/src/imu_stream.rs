@@ -23,6 +23,18 @@ pub(crate) struct PlacedFrame {
     pub(crate) lost: u64,
 }
 
+/// What a rolling counter showed beside steps of one and plain losses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CounterHealth {
+    /// Frames with the counter of the frame before.
+    pub stale: u64,
+    /// Frames whose counter went on by another number than their time says: a reset, or another sender.
+    pub jumps: u64,
+}
+
+/// A counter and the time between frames disagree by more than so many frames (and three deviations of the jitter).
+const DISAGREE: f64 = 2.0;
+
 /// What becomes of the next waiting frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Next {
@@ -46,6 +58,9 @@ pub struct ImuStream {
     counted: bool,
     last_ns: Option<i64>,
     lost: u64,
+    modulus: i64,
+    last_count: Option<(i64, u32)>,
+    counter: CounterHealth,
 }
 
 impl ImuStream {
@@ -62,6 +77,9 @@ impl ImuStream {
             counted: counter_bits > 0,
             last_ns: None,
             lost: 0,
+            modulus: 1_i64 << counter_bits.min(31),
+            last_count: None,
+            counter: CounterHealth::default(),
         }
     }
 
@@ -81,6 +99,36 @@ impl ImuStream {
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
+    }
+
+    /// What its rolling counter showed.
+    #[must_use]
+    pub fn counter(&self) -> CounterHealth {
+        self.counter
+    }
+
+    /// Compares the counter's step with the time since the last frame.
+    fn count(&mut self, time_ns: i64, counter: u32) {
+        let Some((last_ns, last)) = self.last_count.replace((time_ns, counter)) else {
+            return;
+        };
+        let period = self.timeline.period();
+        if !self.timeline.running() || period <= 0.0 {
+            return;
+        }
+        let step = (i64::from(counter) - i64::from(last)).rem_euclid(self.modulus);
+        let passed = num::real_i64(time_ns.saturating_sub(last_ns)) / period;
+        let (modulus, allowed) = (
+            num::real_i64(self.modulus),
+            DISAGREE + 3.0 * self.timeline.jitter() / period,
+        );
+        let turned = (num::real_i64(step) - passed).rem_euclid(modulus);
+        if step == 0 {
+            // As many lost frames as the counter has steps give the same number again.
+            self.counter.stale += u64::from(passed < 0.5 * modulus);
+        } else if step != 1 && turned.min(modulus - turned) > allowed {
+            self.counter.jumps += 1;
+        }
     }
 
     /// True if it carries the x axis of a group (0 accelerometer, 1 gyro) and so counts for it.
@@ -117,6 +165,9 @@ impl ImuStream {
     /// Adds a frame.
     pub(crate) fn push(&mut self, time_ns: i64, counter: Option<u32>, values: [f64; AXES]) {
         self.last_ns = Some(time_ns);
+        if let Some(counter) = counter {
+            self.count(time_ns, counter);
+        }
         self.arrivals.push(Arrival {
             time: num::real_i64(time_ns),
             counter,
@@ -129,6 +180,7 @@ impl ImuStream {
         self.timeline.stop(until_ns.map(num::real_i64));
         self.previous = [f64::NAN; AXES];
         self.last_ns = None;
+        self.last_count = None;
     }
 
     /// True if frames wait that time alone lets go.

@@ -9,6 +9,8 @@
 //! 6. [`trigger`]: a pure machine that says when to freeze and when to seal ([`delta_v`], [`rest`]).
 //! 7. [`event`]: the frozen event becomes a record; [`store`] puts it on disk.
 //!
+//! [`serve`] reads the records out over a serial line, beside all this.
+//!
 //! [`pipeline`] joins 3 to 7 and reads no clock; [`replay`] feeds it from logs.
 
 pub mod axes;
@@ -28,6 +30,7 @@ pub mod event;
 pub mod health;
 pub mod imu_stream;
 pub mod keys;
+pub mod level;
 pub mod live;
 pub mod log_source;
 pub mod pace;
@@ -38,6 +41,7 @@ pub mod replay;
 pub mod rest;
 pub mod ring;
 pub mod sampler;
+pub mod serve;
 pub mod signal;
 pub mod socket;
 pub mod spool;

@@ -10,6 +10,11 @@ const GAP_PERIODS: f64 = 3.0;
 /// one being lost.
 const GAP_JITTERS: f64 = 6.0;
 
+/// Frames after which the period is settled.
+const SETTLED: f64 = 400.0;
+/// Frames that come faster than this share of the settled period say that something else sends too.
+const FASTER: f64 = 0.7;
+
 impl Default for Pace {
     fn default() -> Self {
         Self::new()
@@ -27,6 +32,8 @@ pub struct Pace {
     variance: f64,
     slow: u32,
     frames: u64,
+    settled: f64,
+    fastest: f64,
 }
 
 impl Pace {
@@ -42,6 +49,8 @@ impl Pace {
             variance: 0.0,
             slow: 0,
             frames: 0,
+            settled: 0.0,
+            fastest: f64::INFINITY,
         }
     }
 
@@ -61,6 +70,13 @@ impl Pace {
     #[must_use]
     pub fn jitter(&self) -> f64 {
         (self.variance / 2.0).sqrt()
+    }
+
+    /// The longest settled period and the shortest one after it, ns, where the frames became clearly more than
+    /// one sender with that period gives.
+    #[must_use]
+    pub fn crowded(&self) -> Option<(f64, f64)> {
+        (self.fastest < FASTER * self.settled).then_some((self.settled, self.fastest))
     }
 
     /// Frames so far.
@@ -112,10 +128,16 @@ impl Pace {
             return None;
         }
         if !gap {
-            self.weight = (self.weight + 1.0).min(400.0);
+            self.weight = (self.weight + 1.0).min(SETTLED);
             let error = step - self.period;
             self.period = (self.period + error / self.weight).max(1.0);
             self.variance += (error * error - self.variance) / self.weight;
+            if self.weight >= SETTLED {
+                if self.period > self.settled {
+                    (self.settled, self.fastest) = (self.period, f64::INFINITY);
+                }
+                self.fastest = self.fastest.min(self.period);
+            }
         }
         gap.then_some((last, time_ns))
     }

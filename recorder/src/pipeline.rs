@@ -78,6 +78,8 @@ pub struct Pipeline<'a> {
     asked: VecDeque<i64>,
     /// Triggers that are known already: see [`Pipeline::recovered`].
     known: VecDeque<Fired>,
+    /// The newest wheel reading: time and speed, m/s.
+    rolling: Option<(i64, f64)>,
     /// Reading back: delta-V triggers fire by themselves from this bin of the line on, all others are known.
     recovering: Option<u64>,
     /// Triggers that fired and were not taken yet.
@@ -116,6 +118,7 @@ impl<'a> Pipeline<'a> {
             manual: manual.into(),
             asked: VecDeque::new(),
             known: VecDeque::new(),
+            rolling: None,
             recovering: None,
             fired: Vec::new(),
             shift_ns: 0,
@@ -251,6 +254,7 @@ impl<'a> Pipeline<'a> {
             }
             Update::Wheel(side, speed) => {
                 self.arrive(2 + side, at_ns);
+                self.rolling = Some((at_ns, speed));
                 self.sampler.wheel(side, at_ns, speed);
             }
             Update::Aux(slot, value) => self.keep_aux(at_ns, slot, value),
@@ -417,6 +421,10 @@ impl<'a> Pipeline<'a> {
                 self.sampler.unplaced()
             ));
         }
+        notes.extend(crate::health::sender_notes(
+            self.sampler.streams(),
+            &self.paces,
+        ));
         let health = Health {
             frames_seen: self.totals.frames,
             frames_dropped: self.facts.as_ref().map_or(0, |facts| facts.dropped),

@@ -198,8 +198,12 @@ impl Reader<'_> {
 
     fn finish(mut self) -> Recovered {
         if let Some(pipeline) = &mut self.pipeline {
-            pipeline.cut(CUT);
+            pipeline.settle();
             self.out.at_rest = pipeline.at_rest();
+            if !self.out.ended {
+                pipeline.power_lost();
+            }
+            pipeline.cut(CUT);
         }
         self.collect();
         let sealed = self.sealed;

@@ -275,7 +275,7 @@ fn a_sensor_that_dies_is_told_within_a_second_and_recording_goes_on() {
     for number in 0_u32..2500 {
         let t = f64::from(number) / 100.0;
         log.accel(t, [0.0, 0.0, 9.806], u64::from(number));
-        if t < 3.0 || t > 8.0 {
+        if !(3.0..=8.0).contains(&t) {
             log.rate(t + 0.0002, [0.0; 3], u64::from(number));
         }
         log.wheels(t + 0.0004, 30.0);
@@ -333,6 +333,14 @@ fn a_sensor_that_dies_is_told_within_a_second_and_recording_goes_on() {
     );
 }
 
+/// A file system, unmounted when dropped.
+struct Mounted(PathBuf);
+impl Drop for Mounted {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+    }
+}
+
 #[test]
 fn a_full_disk_keeps_the_record_in_memory_until_there_is_room() {
     let dir = folder("full");
@@ -346,12 +354,6 @@ fn a_full_disk_keeps_the_record_in_memory_until_there_is_room() {
     if !mounted.is_ok_and(|status| status.success()) {
         println!("skipped: a small file system can not be mounted here");
         return;
-    }
-    struct Mounted(PathBuf);
-    impl Drop for Mounted {
-        fn drop(&mut self) {
-            let _ = Command::new("umount").arg("-l").arg(&self.0).status();
-        }
     }
     let mounted = Mounted(records.clone());
     let mut daemon = Daemon::start(

@@ -69,6 +69,8 @@ impl Place {
                 &format!("\"{}\"", etc().join("example.dbc").display()),
             )
             .replace("# key =", "key =")
+            // As in a car; where it is not allowed the daemon says so and goes on.
+            .replace("realtime_priority = 0", "realtime_priority = 20")
             .replace("[run]", "[run]\nsocket = \"sock\"");
         recorder::keys::create(&dir.join("device.key")).unwrap();
         let config = dir.join("recorder.toml");

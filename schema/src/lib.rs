@@ -14,6 +14,7 @@
 //! 7. [`seal`]: the digest over every byte before it, and the signature by the device's [`key`].
 //! 8. [`ledger`]: number and digest of every record ever sealed; [`envelope`]: a record that is encrypted at rest.
 //! 9. [`salvage`]: what a damaged file still gives, with its damage by name.
+//! 10. [`serial`]: the words in which a record is read out over a serial line.
 //!
 //! Every byte is laid down in `schema/FORMAT.md`.
 
@@ -36,6 +37,7 @@ pub mod salvage;
 pub mod sample;
 pub mod scale;
 pub mod seal;
+pub mod serial;
 pub mod time;
 pub mod units;
 pub(crate) mod wire;

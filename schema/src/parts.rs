@@ -65,6 +65,8 @@ pub enum TriggerKind {
     Manual,
     /// 4: a CAN signal (air-bag, eCall).
     Can,
+    /// The recording was cut while the car moved, before any other trigger could fire.
+    PowerLoss,
 }
 
 /// One trigger of the event, in order of time.
@@ -76,7 +78,8 @@ pub struct Trigger {
     pub monotonic_ns: i64,
     /// The sample it fell in; it may lie outside the record's blocks if these were cut.
     pub index: u64,
-    /// The value that fired it: m/s^2, m/s, or the signal's value; 0 for manual.
+    /// The value that fired it: m/s^2, m/s, or the signal's value; 0 for manual; the last wheel speed, m/s, for a loss
+    /// of power (0: not known).
     pub value: f64,
     /// The threshold in force, same unit; 0 for manual.
     pub threshold: f64,

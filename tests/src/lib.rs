@@ -5,6 +5,8 @@
     clippy::expect_used,
     clippy::panic,
     clippy::print_stderr,
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
     clippy::missing_panics_doc,
     clippy::must_use_candidate,
     reason = "support of tests: what fails here fails the test"
@@ -12,6 +14,11 @@
 
 pub mod crash;
 pub mod drive;
+pub mod graded;
 pub mod log;
+pub mod nuisance;
 pub mod pipeline;
 pub mod recordings;
+pub mod serial;
+pub mod statistics;
+pub mod trigger_report;

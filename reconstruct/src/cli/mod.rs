@@ -9,6 +9,7 @@ use reconstruct::compare::CompareError;
 
 mod compare;
 mod export;
+mod fetch;
 mod inspect;
 mod load;
 mod run;
@@ -46,6 +47,8 @@ enum Command {
     Compare(compare::Args),
     /// Make a crash with known truth, as a CAN log
     Simulate(simulate::Args),
+    /// Fetch records from a recorder over a serial line
+    Fetch(fetch::Args),
     /// Print the JSON Schema of summary.json
     Schema,
 }
@@ -78,6 +81,17 @@ pub(crate) enum CliError {
     /// The simulation.
     #[error(transparent)]
     Simulate(Box<simulate::Error>),
+    /// The read-out over a serial line.
+    #[error(transparent)]
+    Fetch(Box<reconstruct::fetch::FetchError>),
+    /// The token of the read-out.
+    #[error("{place}: expected a token of 1 to 128 bytes, found {found} bytes")]
+    Token {
+        /// Where it was looked for.
+        place: String,
+        /// Its bytes.
+        found: usize,
+    },
     /// Standard output.
     #[error("standard output: {0}")]
     Print(io::Error),
@@ -112,6 +126,7 @@ impl CliError {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Simulate(error) => error.exit_code(),
+            Self::Token { .. } => 2,
             Self::Reconstruct(error) => match **error {
                 ReconstructError::Option { .. } | ReconstructError::Window { .. } => 2,
                 _ => 1,
@@ -143,6 +158,7 @@ pub(crate) fn main() -> u8 {
             }
             other => other.map_err(CliError::from),
         },
+        Command::Fetch(args) => fetch::run(&args),
         Command::Schema => print(reconstruct::report::SUMMARY_SCHEMA).map(|()| SOUND),
     };
     result.unwrap_or_else(|error| {

@@ -81,6 +81,10 @@ pub fn triggers(case: &Case<'_>) -> String {
         let unit = trigger_unit(t.kind).unwrap_or("").replace("^2", "\u{b2}");
         let reached = match t.kind {
             schema::parts::TriggerKind::Manual => "by hand".to_owned(),
+            schema::parts::TriggerKind::PowerLoss => format!(
+                "the recording was cut at a wheel speed of {} m/s",
+                fixed(t.value, 2)
+            ),
             _ => format!(
                 "{} {unit} (threshold {} {unit})",
                 signed(t.value, 2),

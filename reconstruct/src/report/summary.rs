@@ -100,6 +100,7 @@ pub fn trigger_name(kind: TriggerKind) -> &'static str {
         TriggerKind::DeltaV => "delta-v",
         TriggerKind::Manual => "manual",
         TriggerKind::Can => "can",
+        TriggerKind::PowerLoss => "power-loss",
     }
 }
 
@@ -108,7 +109,7 @@ pub fn trigger_name(kind: TriggerKind) -> &'static str {
 pub fn trigger_unit(kind: TriggerKind) -> Option<&'static str> {
     match kind {
         TriggerKind::Peak => Some("m/s^2"),
-        TriggerKind::DeltaV => Some("m/s"),
+        TriggerKind::DeltaV | TriggerKind::PowerLoss => Some("m/s"),
         TriggerKind::Manual | TriggerKind::Can => None,
     }
 }

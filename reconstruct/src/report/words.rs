@@ -64,6 +64,7 @@ fn window(r: &Reconstruction, case: &Case<'_>) -> String {
     };
     let kind = match case.record.triggers.first().map(|t| t.kind) {
         Some(schema::parts::TriggerKind::Manual) => "the manual trigger",
+        Some(schema::parts::TriggerKind::PowerLoss) => "the loss of power",
         Some(_) => "the first trigger",
         None => "the first sample (no trigger could be read)",
     };

@@ -218,6 +218,7 @@ impl Default for Ring {
 pub(crate) struct Trigger {
     pub(crate) peak_g: Threshold,
     pub(crate) delta_v_kmh: Threshold,
+    pub(crate) power_loss: bool,
     pub(crate) can: Vec<CanTrigger>,
 }
 
@@ -226,6 +227,7 @@ impl Default for Trigger {
         Self {
             peak_g: Threshold::Value(50.0),
             delta_v_kmh: Threshold::Value(8.0),
+            power_loss: true,
             can: Vec::new(),
         }
     }

@@ -60,6 +60,8 @@ pub struct Triggers {
     pub peak: Option<f64>,
     /// Trigger 2, m/s.
     pub delta_v: Option<f64>,
+    /// A recording that was cut while the car moved becomes a record.
+    pub power_loss: bool,
     /// Trigger 4.
     pub can: Vec<CanTrigger>,
 }
@@ -428,6 +430,7 @@ impl Check<'_> {
         Ok(Triggers {
             peak: peak.map(|g| MetersPerSecondSquared::from_g(g).0),
             delta_v: delta_v.map(|kmh| MetersPerSecond::from_kmh(kmh).0),
+            power_loss: config.trigger.power_loss,
             can,
         })
     }

@@ -117,6 +117,8 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         daemon.sealer.seal(record, trigger_ns);
         daemon.spool_error = Some("an unfinished event waits for room on the disk, and the spool holds its only durable copy".to_owned());
     }
+    // This thread, and the spool's which is begun below; those of records and socket are not in a hurry.
+    privileges(&settings);
     if settings.spool.enabled && daemon.spool_error.is_none() {
         match begin_spool(&storage, &settings, &bundle, &recovered) {
             Ok(syncer) => daemon.syncer = Some(syncer),
@@ -131,7 +133,6 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         at_ns: now,
         bundle: digest,
     });
-    privileges(&settings);
     let _ = sd_notify::notify(&[NotifyState::Ready]);
     tracing::info!(config = %options.config.display(), "recording");
     let done = daemon.run();

@@ -162,6 +162,7 @@ pub fn kind_word(kind: TriggerKind) -> &'static str {
         TriggerKind::DeltaV => "delta-v",
         TriggerKind::Manual => "manual",
         TriggerKind::Can => "can",
+        TriggerKind::PowerLoss => "power-loss",
     }
 }
 

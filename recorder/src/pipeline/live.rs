@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use schema::num;
-use schema::parts::ClockStep;
+use schema::parts::{ClockStep, TriggerKind};
 use schema::sample::SAMPLE_NS;
 
 use super::Pipeline;
@@ -20,6 +20,10 @@ use crate::trigger::{Fired, Input, Rules, State};
 const QUIET_NS: i64 = 300_000_000;
 /// A sharp frame keeps the spool alert for so long, ns.
 const ALERT_NS: i64 = 1_000_000_000;
+/// A car that was hit may stand when the power goes: so long after a sharp frame, ns.
+const HIT_NS: i64 = 5_000_000_000;
+/// The car moves, m/s.
+const ROLLING: f64 = 2.0;
 /// Triggers asked for at once.
 const MOST_ASKED: usize = 16;
 
@@ -222,11 +226,47 @@ impl Pipeline<'_> {
 
     /// The recording ends here: what runs is sealed as far as it goes. `why` begins a sentence.
     pub fn cut(&mut self, why: &'static str) {
+        self.settle();
+        self.end(why);
+    }
+
+    /// No frame comes any more: closes every bin, so that all triggers that can be decided are.
+    pub fn settle(&mut self) {
         let Some(time) = self.time else { return };
         self.sampler.flush(time.now_ns(), &mut self.out);
         self.drain();
         self.fire_known(u64::MAX);
-        self.end(why);
+    }
+
+    /// The recording was cut here and nothing runs: if the car moved, or was hit a moment ago, that is a trigger of its
+    /// own, for a crash may take the power before any other can fire.
+    pub fn power_lost(&mut self) {
+        let Some(time) = self.time else { return };
+        if !self.settings.trigger.power_loss || self.state.running() {
+            return;
+        }
+        let now_ns = time.now_ns();
+        let sharp = self.sampler.sharp_ns();
+        let hit = sharp.is_some_and(|sharp| now_ns - sharp < HIT_NS);
+        let speed = self
+            .rolling
+            .filter(|(at_ns, _)| now_ns - at_ns < ALERT_NS)
+            .map(|(_, speed)| speed);
+        let moving = match speed {
+            Some(speed) => speed >= ROLLING,
+            // Without wheels only two seconds of rest say that it stands.
+            None => !self.state.at_rest(),
+        };
+        if moving || hit {
+            self.step_machine(&Input::Known(Fired {
+                kind: TriggerKind::PowerLoss,
+                monotonic_ns: now_ns,
+                index: index_of(now_ns),
+                value: speed.unwrap_or(0.0),
+                threshold: ROLLING,
+                source: 0,
+            }));
+        }
     }
 
     /// Other settings from a time on the line on; the ring stays. To be called while no event runs.

@@ -135,6 +135,7 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
                 TriggerKind::DeltaV => 1,
                 TriggerKind::Manual => 2,
                 TriggerKind::Can => 3,
+                TriggerKind::PowerLoss => 4,
             });
             out.push(u8::try_from(fired.source).unwrap_or(u8::MAX));
             out.extend(fired.index.to_le_bytes());
@@ -249,6 +250,7 @@ impl<'a> Entries<'a> {
                         1 => TriggerKind::DeltaV,
                         2 => TriggerKind::Manual,
                         3 => TriggerKind::Can,
+                        4 => TriggerKind::PowerLoss,
                         _ => return None,
                     },
                     monotonic_ns: at_ns,

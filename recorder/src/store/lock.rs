@@ -9,7 +9,7 @@ use schema::Record;
 use schema::units::MetersPerSecond;
 
 use crate::bins::BIN;
-use crate::delta_v::{FREEZE, SLOW};
+use crate::level::Level;
 
 /// A record with more than this is never removed, m/s.
 pub const LOCK_ABOVE: f64 = 25.0 / 3.6;
@@ -83,24 +83,14 @@ impl Severity {
 /// Change of speed in each 10 ms along x and y, m/s, and the index of the first. What is missing changes nothing.
 fn changes(record: &Record) -> (u64, Vec<[f64; 2]>) {
     let mut changes = Vec::new();
-    let mut slow: [Option<f64>; 2] = [None; 2];
+    let mut level = Level::default();
     for sample in record.samples() {
         let gap = schema::num::usize_of(sample.gap_before.min(100_000));
         changes.resize(changes.len() + gap, [0.0; 2]);
         for _ in 0..sample.span {
-            let mut off = [0.0_f64; 2];
-            for ((off, slow), value) in off.iter_mut().zip(&mut slow).zip(sample.sample.accel) {
-                if let Some(value) = value {
-                    let slow = *slow.get_or_insert(value.clamp(-FREEZE, FREEZE));
-                    *off = value - slow;
-                }
-            }
-            if off.iter().all(|off| off.abs() <= FREEZE) {
-                for (slow, off) in slow.iter_mut().zip(off) {
-                    *slow = slow.map(|slow| (slow + off * STEP / SLOW).clamp(-FREEZE, FREEZE));
-                }
-            }
-            changes.push(off.map(|off| off * STEP));
+            let free;
+            (level, free) = level.step(&sample.sample);
+            changes.push(free.map(|free| free.unwrap_or(0.0) * STEP));
         }
     }
     (record.first_index(), changes)
