@@ -34,6 +34,11 @@ impl Lane {
         fs::create_dir_all(self.dir()).unwrap();
     }
 
+    /// It is over: what it wrote goes, so that the next has the room.
+    pub(crate) fn end(&self) {
+        let _ = fs::remove_dir_all(self.dir());
+    }
+
     /// The test's folder.
     pub(crate) fn dir(&self) -> PathBuf {
         self.work.join(&self.name)

@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         lane.begin(name);
         let result = catch_unwind(AssertUnwindSafe(|| test(&lane)));
         bench::restore();
+        lane.end();
         failed |= result.is_err();
         let verdict = if result.is_ok() { "ok" } else { "FAILED" };
         println!("test {name} ... {verdict}");

@@ -81,12 +81,19 @@ fn equal_to_candump(lane: &Lane) {
             .iter()
             .any(|frame| frame.flags & FD != 0 && frame.len() > 8)
     );
-    let backwards = heard
-        .windows(2)
-        .filter(|pair| pair[1].time_ns < pair[0].time_ns)
-        .count();
-    println!("of 3500 frames of two interfaces {backwards} were handed on before an earlier one");
-    assert!(backwards <= 35, "{backwards}");
+    // Sorted within a reading; a frame that comes between the reading of one socket and of the other is not.
+    let mut newest = i64::MIN;
+    let (mut backwards, mut farthest) = (0, 0);
+    for frame in &heard {
+        let back = newest.saturating_sub(frame.time_ns).max(0);
+        backwards += usize::from(back > 0);
+        farthest = farthest.max(back);
+        newest = newest.max(frame.time_ns);
+    }
+    println!(
+        "of 3500 frames of two interfaces {backwards} were handed on behind a later one, by {farthest} ns at most"
+    );
+    assert!(farthest < 50_000_000, "the pipeline takes no more");
     for state in sockets.interfaces() {
         assert!(state.up && state.malformed == 0 && state.dropped == 0 && state.outages == 0);
         assert_eq!(state.stamps, "kernel", "vcan has no clock of its own");
