@@ -1,6 +1,6 @@
-//! Listens on the configured interfaces and says what it heard: `listen CONFIG SECONDS [--dump]`.
+//! Listens on the configured interfaces and says what it heard: `listen CONFIG SECONDS [--dump] [--count FRAMES]`.
 //!
-//! With `--dump` each frame is a line of `candump -L`, its time that on the recorder's line; notes and counts go to
+//! With `--count` it ends after so many frames, if they come in time. With `--dump` each frame is a line of `candump -L`, its time that on the recorder's line; notes and counts go to
 //! standard error, the counts as JSON.
 
 use std::error::Error;
@@ -17,17 +17,20 @@ use recorder::socket::Sockets;
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [config, seconds, rest @ ..] = arguments.as_slice() else {
-        return Err("expected: listen CONFIG SECONDS [--dump]".into());
+        return Err("expected: listen CONFIG SECONDS [--dump] [--count FRAMES]".into());
     };
     let settings = Settings::load(Path::new(config))?;
     let seconds: f64 = seconds.parse()?;
     let dump = rest.iter().any(|word| word == "--dump");
+    let count = rest.iter().position(|word| word == "--count");
+    let count = count.and_then(|at| rest.get(at + 1));
+    let count = count.map_or(Ok(u64::MAX), |count| count.parse())?;
     let mut sockets = Sockets::open(&settings)?;
     let end_ns = sockets.now_ns() + schema::num::round_i64(seconds * 1e9);
     let mut out = BufWriter::new(std::io::stdout().lock());
     let mut err = std::io::stderr().lock();
     let (mut frames, mut reads, mut backwards, mut last_ns) = (0_u64, 0_u64, 0_u64, i64::MIN);
-    while sockets.now_ns() < end_ns {
+    while frames < count && sockets.now_ns() < end_ns {
         let before = frames;
         let mut failed = Ok(());
         sockets.read(Duration::from_millis(100), &mut |frame| {

@@ -230,6 +230,8 @@ impl LiveSource for Sockets {
             } else {
                 let state = InterfaceState {
                     name: bus.interface.clone(),
+                    // Room for either word, so that none is made when frames come.
+                    stamps: String::with_capacity(8),
                     ..InterfaceState::default()
                 };
                 (state, Link::new(wishes))

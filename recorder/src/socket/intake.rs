@@ -9,6 +9,9 @@ use crate::can::{ERR, Frame};
 use crate::clock::HardwareClock;
 use crate::live::InterfaceState;
 
+/// Kernel stamps are taken in whole microseconds, as logs have them: a replay of the log then gives the very samples
+/// that were recorded live. The kernel's own delay is tens of them.
+const STAMP_NS: i64 = 1_000;
 /// Notes between two looks at the interface: a bus that is flapping is told of, not listed.
 const NOTES: u32 = 4;
 
@@ -48,6 +51,11 @@ impl Intake {
         }
     }
 
+    /// Time of the newest frame, ns on the line.
+    pub(super) fn newest_ns(&self) -> i64 {
+        self.after_ns
+    }
+
     /// Numbers what still waits anew: the interface has another place in the configuration.
     pub(super) fn renumber(&mut self, number: u8) {
         for frame in &mut self.frames {
@@ -83,6 +91,7 @@ impl Intake {
         }
         let (time_ns, explained) = match stamps.kernel_ns {
             Some(stamp) => {
+                let stamp = stamp.div_euclid(STAMP_NS) * STAMP_NS;
                 let place = desk
                     .line
                     .place(stamp, self.after_ns.max(desk.drained_ns), now_ns);
@@ -220,11 +229,11 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_has_the_kernels_stamp() {
+    fn a_frame_has_the_kernels_stamp_in_microseconds() {
         let mut bench = Bench::new();
-        bench.clocks.pass(500);
-        let frame = bench.take(0x123, Some(UTC + 300), None);
-        assert_eq!((frame.time_ns, frame.interface), (UTC + 300, 3));
+        bench.clocks.pass(500_000);
+        let frame = bench.take(0x123, Some(UTC + 300_999), None);
+        assert_eq!((frame.time_ns, frame.interface), (UTC + 300_000, 3));
         assert_eq!((bench.state.frames, bench.state.malformed), (1, 0));
         assert_eq!(bench.state.stamps, "kernel");
         assert!(bench.texts().is_empty());

@@ -23,6 +23,8 @@ pub(super) struct Link {
     bound: Option<Bound>,
     /// It was missing, down or refused when last looked at, and that was told.
     out: bool,
+    /// When that was seen, ns on the line.
+    lost_ns: i64,
     /// The last batch was full: more may wait in the kernel.
     more: bool,
     /// Frames on their way.
@@ -35,6 +37,7 @@ impl Link {
             wishes,
             bound: None,
             out: false,
+            lost_ns: i64::MIN,
             more: false,
             intake: Intake::new(),
         }
@@ -128,8 +131,8 @@ impl Link {
         state.up = false;
         if !std::mem::replace(&mut self.out, true) {
             state.outages += 1;
-            let now = desk.now();
-            desk.note(now, format!("{} {how}", state.name));
+            self.lost_ns = desk.now();
+            desk.note(self.lost_ns, format!("{} {how}", state.name));
         }
     }
 
@@ -179,7 +182,8 @@ impl Link {
         match read {
             Ok(count) => {
                 self.more = count == BATCH;
-                if self.out && count > 0 {
+                // What waited when it went down is no sign of its being up.
+                if self.out && count > 0 && self.intake.newest_ns() > self.lost_ns {
                     self.back(state, desk);
                 }
                 if behind || self.more {
