@@ -23,7 +23,7 @@ const COUNTS_NS: i64 = 1_000_000_000;
 /// The first self-test comes so long after the first sample, ns.
 const FIRST_TEST_NS: i64 = 10_000_000_000;
 /// Flushes before p99.9 means anything.
-const ENOUGH_FLUSHES: u64 = 100;
+const ENOUGH_FLUSHES: usize = 100;
 
 /// UTC as ISO 8601 with milliseconds.
 #[must_use]
@@ -207,9 +207,17 @@ impl Daemon {
             return SpoolStatus::default();
         };
         let state = syncer.state();
-        let p999 = state.quantile_ns(0.999);
-        let keeps = |interval: i64, bound: i64| {
-            state.flushes < ENOUGH_FLUSHES || p999.is_none_or(|p999| interval + p999 <= bound)
+        let p999 = state.durations().quantile_ns(0.999);
+        let lost = |alert: bool| {
+            let ages = state.ages(alert);
+            ages.quantile_ns(0.999)
+                .filter(|_| ages.len() >= ENOUGH_FLUSHES)
+        };
+        // The interval and the flush, and what was in fact measured, with whatever held the daemon up.
+        let keeps = |alert: bool, interval: i64, bound: i64| {
+            state.durations().len() < ENOUGH_FLUSHES
+                || (p999.is_none_or(|p999| interval + p999 <= bound)
+                    && lost(alert).is_none_or(|lost| lost <= bound))
         };
         let seconds = num::real_i64(monotonic_ns() - self.started_ns) / 1e9;
         let bytes_a_day = num::real_u64(state.bytes) / seconds.max(1.0) * 86_400.0;
@@ -225,8 +233,9 @@ impl Daemon {
             flush_ms: ms(settings.flush_ns),
             flush_p999_ms: p999.map(ms),
             flush_longest_ms: ms(state.longest_ns),
-            within_bound: keeps(settings.flush_ns, settings.loss_ns),
-            within_event_bound: keeps(settings.flush_ns.min(EVENT_FLUSH_NS), EVENT_LOSS_NS),
+            loss_p999_ms: lost(false).map(ms),
+            within_bound: keeps(false, settings.flush_ns, settings.loss_ns),
+            within_event_bound: keeps(true, settings.flush_ns.min(EVENT_FLUSH_NS), EVENT_LOSS_NS),
             behind_ms: (state.durable_ns > 0).then(|| ms(now - state.durable_ns)),
             flushes: state.flushes,
             bytes_a_day,
@@ -327,10 +336,12 @@ impl Daemon {
         }
         if spool.running && !spool.within_bound {
             alarms.push(format!(
-                "a cut may lose more than {:.0} ms: flush interval {:.0} ms and p99.9 of the flush {:.1} ms",
+                "a cut may lose more than {:.0} ms: flush interval {:.0} ms, p99.9 of the flush {:.1} ms, of the oldest \
+                 frame that was not durable {:.1} ms",
                 spool.loss_bound_ms,
                 spool.flush_ms,
-                spool.flush_p999_ms.unwrap_or(0.0)
+                spool.flush_p999_ms.unwrap_or(0.0),
+                spool.loss_p999_ms.unwrap_or(0.0)
             ));
         }
         if spool.running && !spool.within_event_bound {

@@ -34,7 +34,7 @@ use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::live::{LiveSource, Note};
 use crate::pipeline::Pipeline;
-use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Syncer};
+use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Moment, Syncer};
 
 /// Longest wait for frames, ns.
 const WAIT_NS: i64 = 20_000_000;
@@ -153,21 +153,33 @@ impl Daemon {
     fn flush(&mut self, now: i64) {
         let clock = monotonic_ns();
         let due = clock - self.flushed_ns >= self.flush_interval() || self.urgent;
+        if self.syncer.is_none() || !due {
+            return;
+        }
+        if self.journal.is_empty() {
+            self.flushed_ns = clock;
+            return;
+        }
+        if self.pipeline.line_ns().is_some() {
+            let at_ns = self.pipeline.undecided_ns();
+            self.spool(&Entry::Closed { at_ns });
+        }
+        let moment = self.moment(now, clock);
         let Some(syncer) = &mut self.syncer else {
             return;
         };
-        if due && !self.journal.is_empty() {
-            if self.pipeline.line_ns().is_some() {
-                let at_ns = self.pipeline.undecided_ns();
-                self.journal.entry(&Entry::Closed { at_ns });
-            }
-            let upto = self.pipeline.line_ns().unwrap_or(now).min(now);
-            if syncer.flush(&mut self.journal, upto) {
-                self.flushed_ns = clock;
-                self.urgent = false;
-            }
-        } else if due {
+        if syncer.flush(&mut self.journal, moment) {
             self.flushed_ns = clock;
+            self.urgent = false;
+        }
+    }
+
+    fn moment(&self, now_ns: i64, clock_ns: i64) -> Moment {
+        Moment {
+            upto_ns: self.pipeline.line_ns().unwrap_or(now_ns).min(now_ns),
+            now_ns,
+            clock_ns,
+            alert: self.pipeline.alert(),
         }
     }
 
@@ -369,9 +381,10 @@ impl Daemon {
         if self.records.waiting == 0 {
             self.spool(&Entry::End { at_ns: now });
         }
+        let moment = self.moment(now, monotonic_ns());
         if let Some(syncer) = &mut self.syncer {
             syncer.drain();
-            syncer.flush(&mut self.journal, now);
+            syncer.flush(&mut self.journal, moment);
             syncer.drain();
         }
     }

@@ -134,6 +134,8 @@ pub struct SpoolStatus {
     pub flush_ms: f64,
     /// 99.9 % of the last flushes took at most so long, ms.
     pub flush_p999_ms: Option<f64>,
+    /// 99.9 % of the last flushes had an oldest frame of at most this age when they were durable, ms: what a cut costs.
+    pub loss_p999_ms: Option<f64>,
     /// The longest, ms.
     pub flush_longest_ms: f64,
     /// Flush interval and p99.9 keep the bound.
@@ -142,7 +144,7 @@ pub struct SpoolStatus {
     pub within_event_bound: bool,
     /// The newest frame is so far ahead of what is durable, ms.
     pub behind_ms: Option<f64>,
-    /// Seconds that the file holds at the present rate of frames.
+    /// Flushes since the start.
     pub flushes: u64,
     /// Bytes handed to the disk a day at the present pace.
     pub bytes_a_day: f64,
@@ -297,8 +299,11 @@ impl Status {
         }
         writeln!(
             out,
-            "spool     a cut loses at most {:.0} ms: flush each {:.0} ms, p99.9 {} ms, longest {:.1} ms{}",
+            "spool     a cut may lose {:.0} ms, p99.9 in fact {} ms; flush each {:.0} ms, p99.9 {} ms, longest {:.1} ms{}",
             spool.loss_bound_ms,
+            spool
+                .loss_p999_ms
+                .map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}")),
             spool.flush_ms,
             spool
                 .flush_p999_ms

@@ -16,6 +16,8 @@ pub struct Journal {
     /// Where the open block begins.
     open: Option<usize>,
     base_ns: i64,
+    /// Time of the first entry that waits, on the line.
+    oldest_ns: Option<i64>,
     lost: u64,
     scratch: Vec<u8>,
 }
@@ -80,6 +82,7 @@ impl Journal {
         }
         self.open = Some(self.bytes.len());
         self.base_ns = time_ns;
+        self.oldest_ns.get_or_insert(time_ns);
         block::begin(&mut self.bytes, time_ns);
     }
 
@@ -89,9 +92,16 @@ impl Journal {
         }
     }
 
+    /// Time of the first entry that waits, ns on the line.
+    #[must_use]
+    pub fn oldest_ns(&self) -> Option<i64> {
+        self.oldest_ns
+    }
+
     /// Everything that waits, as whole blocks, exchanged for an empty buffer.
     pub fn exchange(&mut self, empty: Vec<u8>) -> Vec<u8> {
         self.close();
+        self.oldest_ns = None;
         let mut empty = empty;
         empty.clear();
         std::mem::replace(&mut self.bytes, empty)

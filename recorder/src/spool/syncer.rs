@@ -30,31 +30,49 @@ pub struct FlushState {
     pub errors: u64,
     /// How the last one failed.
     pub last_error: Option<String>,
-    /// Durations of the last flushes, ns.
-    recent: Vec<i64>,
+    /// Durations of the last flushes.
+    durations: Recent,
+    /// How old the oldest frame of a flush was when it was durable: what a cut just before would have lost.
+    ages: Recent,
+    /// The same while every frame may be one of a crash.
+    alert_ages: Recent,
+}
+
+/// The last values, ns.
+#[derive(Clone, Debug, Default)]
+pub struct Recent {
+    values: Vec<i64>,
     at: usize,
 }
 
-impl FlushState {
-    fn add(&mut self, bytes: usize, took_ns: i64) {
-        self.flushes += 1;
-        self.bytes += num::u64_of(bytes);
-        self.longest_ns = self.longest_ns.max(took_ns);
-        if self.recent.len() < REMEMBERED {
-            self.recent.push(took_ns);
-        } else if let Some(slot) = self.recent.get_mut(self.at) {
-            *slot = took_ns;
+impl Recent {
+    fn add(&mut self, value: i64) {
+        if self.values.len() < REMEMBERED {
+            self.values.push(value);
+        } else if let Some(slot) = self.values.get_mut(self.at) {
+            *slot = value;
         }
         self.at = (self.at + 1) % REMEMBERED;
     }
 
-    /// A quantile (0 to 1) of the durations of the last flushes, ns; `None` before the first.
+    /// Values there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// True without any.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The value that a part (0 to 1) of them does not exceed, ns; `None` without any.
     #[must_use]
     pub fn quantile_ns(&self, part: f64) -> Option<i64> {
-        let mut sorted = self.recent.clone();
+        let mut sorted = self.values.clone();
         sorted.sort_unstable();
         let last = sorted.len().checked_sub(1)?;
-        // The value that at least this part of them does not exceed.
         let rank = (part * num::real(sorted.len())).ceil() - 1.0;
         sorted
             .get(num::round_usize(rank.max(0.0)).min(last))
@@ -62,8 +80,69 @@ impl FlushState {
     }
 }
 
-/// A buffer of blocks, and the time up to which the frames in it and before it reach.
-type Batch = (Vec<u8>, i64);
+impl FlushState {
+    fn add(&mut self, batch: &Batch, took_ns: i64, done_ns: i64) {
+        self.flushes += 1;
+        self.bytes += num::u64_of(batch.bytes.len());
+        self.longest_ns = self.longest_ns.max(took_ns);
+        self.durable_ns = self.durable_ns.max(batch.upto_ns);
+        self.durations.add(took_ns);
+        let age = done_ns
+            .saturating_add(batch.line_offset_ns)
+            .saturating_sub(batch.oldest_ns);
+        if batch.alert {
+            self.alert_ages.add(age);
+        } else {
+            self.ages.add(age);
+        }
+    }
+
+    /// Durations of the last flushes.
+    #[must_use]
+    pub fn durations(&self) -> &Recent {
+        &self.durations
+    }
+
+    /// How old the oldest frame of a flush was when it was durable; while every frame may be one of a crash, or else.
+    #[must_use]
+    pub fn ages(&self, alert: bool) -> &Recent {
+        if alert { &self.alert_ages } else { &self.ages }
+    }
+
+    fn reserve(&mut self) {
+        for recent in [&mut self.durations, &mut self.ages, &mut self.alert_ages] {
+            recent.values.reserve_exact(REMEMBERED);
+        }
+    }
+}
+
+/// What is handed over.
+#[derive(Debug)]
+struct Batch {
+    /// Whole blocks.
+    bytes: Vec<u8>,
+    /// All frames up to this time are in it or before it, on the line.
+    upto_ns: i64,
+    /// Time of its first entry, on the line.
+    oldest_ns: i64,
+    /// The line minus the monotonic clock.
+    line_offset_ns: i64,
+    /// Every frame may be one of a crash.
+    alert: bool,
+}
+
+/// When a flush is handed over.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// All frames up to this time were received, ns on the line.
+    pub upto_ns: i64,
+    /// Now on the line, ns.
+    pub now_ns: i64,
+    /// Now by the monotonic clock, ns.
+    pub clock_ns: i64,
+    /// Every frame may be one of a crash.
+    pub alert: bool,
+}
 
 /// The thread, as the receiving thread sees it.
 pub struct Syncer {
@@ -88,25 +167,22 @@ impl Syncer {
         let state = Arc::new(Mutex::new(FlushState::default()));
         let shared = Arc::clone(&state);
         // Room for the quantile before memory is locked.
-        lock(&shared).recent.reserve_exact(REMEMBERED);
+        lock(&shared).reserve();
         let work = move || {
-            while let Ok((mut bytes, upto_ns)) = from.recv() {
+            while let Ok(mut batch) = from.recv() {
                 let started = now();
-                let done = file.write(&mut bytes).and_then(|()| file.sync());
-                let took = now().saturating_sub(started);
+                let done = file.write(&mut batch.bytes).and_then(|()| file.sync());
+                let done_ns = now();
                 let mut state = lock(&shared);
                 match done {
-                    Ok(()) => {
-                        state.add(bytes.len(), took);
-                        state.durable_ns = state.durable_ns.max(upto_ns);
-                    }
+                    Ok(()) => state.add(&batch, done_ns.saturating_sub(started), done_ns),
                     Err(error) => {
                         state.errors += 1;
                         state.last_error = Some(error.to_string());
                     }
                 }
                 drop(state);
-                if give.send(bytes).is_err() {
+                if give.send(batch.bytes).is_err() {
                     break;
                 }
             }
@@ -128,14 +204,21 @@ impl Syncer {
     }
 
     /// Hands over what waits; false when the thread is still busy with both buffers, and it goes on waiting.
-    pub fn flush(&mut self, journal: &mut Journal, upto_ns: i64) -> bool {
+    pub fn flush(&mut self, journal: &mut Journal, moment: Moment) -> bool {
         self.spare.extend(self.back.try_iter());
         let Some(to) = &self.to else { return false };
         let Some(empty) = self.spare.pop() else {
             return false;
         };
-        let bytes = journal.exchange(empty);
-        match to.try_send((bytes, upto_ns)) {
+        let oldest_ns = journal.oldest_ns().unwrap_or(moment.now_ns);
+        let batch = Batch {
+            bytes: journal.exchange(empty),
+            upto_ns: moment.upto_ns,
+            oldest_ns,
+            line_offset_ns: moment.now_ns.saturating_sub(moment.clock_ns),
+            alert: moment.alert,
+        };
+        match to.try_send(batch) {
             Ok(()) => true,
             // There are no more buffers than places in the channel, so neither happens while the thread lives.
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
