@@ -23,6 +23,8 @@ const TURN_RATE: f64 = 0.05;
 const ENOUGH: f64 = 300.0;
 /// A wheel's value is used for so many samples.
 const WHEEL_AGE: u32 = 20;
+/// No gravity is too far off for rest, m/s^2.
+const ANY_BIAS: f64 = 100.0;
 /// Largest noise at rest that a working sensor has, m/s^2 and rad/s: an idling engine shakes one by 0.65 m/s^2.
 const NOISY_ACCEL: f64 = 3.0;
 const NOISY_RATE: f64 = 0.1;
@@ -123,7 +125,11 @@ impl SelfTest {
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
         Self {
-            limits: Rules::of(settings).rest,
+            limits: RestLimits {
+                // A sensor whose gravity is wrong must not for that reason look as if the car moved.
+                accel_bias: ANY_BIAS,
+                ..Rules::of(settings).rest
+            },
             track_m: settings.vehicle.track_width_m,
             accel_bias: settings.imu.accel_bias,
             wheels: settings.wheels.present,
