@@ -3,7 +3,7 @@
 //!
 //! An interface that is missing, down, removed or renamed is no error: it is noted, and looked for each quarter of a
 //! second. Loss is counted by the kernel and told exactly. After a wait that frames ended, about a millisecond of
-//! them is let pile up: waking for each would cost more than all else (see [`PILE`]).
+//! them is let pile up: waking for each would cost more than all else (`PILE`).
 
 mod batch;
 mod bus;
