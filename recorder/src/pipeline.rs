@@ -12,6 +12,7 @@ use schema::parts::{Gap, Health};
 use schema::time::Grid;
 use schema::{Packer, Record, Sample, Scales};
 
+use crate::bins::index_of;
 use crate::can::{ERR, Frame};
 use crate::config::{RawFrames, Settings};
 use crate::decode::{DecodeHealth, Decoder, Update};
@@ -24,6 +25,9 @@ use crate::trigger::{Action, Fired, Input, Rules, State};
 
 /// Triggers are known at the latest so long after they happened, ns: the raw window keeps that much more.
 const TRIGGER_LAG_NS: i64 = 1_500_000_000;
+/// A peak is decided when its frame is placed, some periods later: reading back, those of so many samples before the
+/// first undecided one are decided again.
+const REDECIDED: u64 = 100;
 /// Triggers that wait to be told to the spool; a replay tells nobody.
 const MOST_TOLD: usize = 256;
 
@@ -76,8 +80,6 @@ pub struct Pipeline<'a> {
     manual: VecDeque<f64>,
     /// Manual triggers asked for while running, ns on the line.
     asked: VecDeque<i64>,
-    /// Triggers that are known already: see [`Pipeline::recovered`].
-    known: VecDeque<Fired>,
     /// The newest wheel reading: time and speed, m/s.
     rolling: Option<(i64, f64)>,
     /// Reading back: delta-V triggers fire by themselves from this bin of the line on, all others are known.
@@ -117,7 +119,6 @@ impl<'a> Pipeline<'a> {
             notes: Vec::new(),
             manual: manual.into(),
             asked: VecDeque::new(),
-            known: VecDeque::new(),
             rolling: None,
             recovering: None,
             fired: Vec::new(),
@@ -201,6 +202,7 @@ impl<'a> Pipeline<'a> {
     fn take(&mut self, frame: &Frame) {
         let Some(time) = self.time else { return };
         let (at_ns, now_ns) = (time.monotonic(frame.time_ns), time.now_ns());
+        self.mute(index_of(at_ns), REDECIDED);
         self.advance(now_ns);
         if frame.id & ERR != 0 {
             self.totals.error_frames += 1;
@@ -339,14 +341,10 @@ impl<'a> Pipeline<'a> {
                 self.ring.push_aux(group, row);
             }
         }
-        if let Some(from) = self.recovering {
-            self.rules.muted = self.line_bin(closed.index) < from;
-        }
+        let muted = self.rules.muted;
+        self.mute(closed.index, 0);
         self.step_machine(&Input::Sample(closed.index, &closed.sample));
-        if self.recovering.is_some() {
-            self.rules.muted = true;
-        }
-        self.fire_known(closed.index);
+        self.rules.muted = muted;
     }
 
     fn step_machine(&mut self, input: &Input<'_>) {

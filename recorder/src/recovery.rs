@@ -17,6 +17,10 @@ use crate::storage::Storage;
 /// How a record that was read back begins the sentence on its end.
 const CUT: &str = "the recording was cut (loss of power, or the recorder was killed)";
 
+/// What such a record lacks.
+const READ_BACK: &str = "this record was read back from the spool after a cut: of raw frames only those of mapped \
+    messages were kept; offsets of the interfaces' clocks, an announced leap second and the self-test were not";
+
 /// Records that are kept in memory while the spool is read: more can not be unsealed at a time unless the disk was
 /// full for long.
 const MOST_RECORDS: usize = 16;
@@ -36,6 +40,8 @@ pub struct Recovered {
     pub at_rest: bool,
     /// What could not be read, one sentence each.
     pub notes: Vec<String>,
+    /// Frames are there whose settings are not: they can not be understood.
+    pub unreadable: bool,
     /// The spool as found: the next session writes behind it.
     pub found: Found,
 }
@@ -50,7 +56,9 @@ struct Reader<'a> {
     /// Bundles that could not be loaded, so that each is told of once.
     failed: Vec<[u8; 32]>,
     interfaces: Vec<Interface>,
-    sealed: Vec<i64>,
+    /// First and last trigger of events that are sealed.
+    sealed: Vec<(i64, i64)>,
+    /// Records, with their first trigger's time on the line.
     records: Vec<(i64, Record)>,
     out: Recovered,
 }
@@ -65,7 +73,7 @@ pub fn recover(storage: &dyn Storage, spool: &Path) -> Result<Recovered, Recorde
         Entry::Closed { at_ns } => Some(*at_ns),
         _ => None,
     };
-    let undecided_ns = spool::last_of(storage, spool, &found, undecided)?.unwrap_or(i64::MAX);
+    let undecided_ns = spool::last_of(storage, spool, &found, undecided).unwrap_or(i64::MAX);
     let mut reader = Reader {
         undecided_ns,
         storage,
@@ -78,15 +86,15 @@ pub fn recover(storage: &dyn Storage, spool: &Path) -> Result<Recovered, Recorde
         records: Vec::new(),
         out: Recovered::default(),
     };
-    spool::read_session(storage, spool, &found, &mut |entry| reader.take(entry))?;
-    let mut out = reader.finish();
+    spool::read_session(storage, spool, &found, &mut |entry| reader.take(entry));
     if found.missing > 0 && found.missing < found.total {
-        out.notes.push(format!(
+        reader.out.notes.push(format!(
             "{} of the {} blocks of the spool's last round could not be read",
             found.missing,
             found.newest().min(found.total)
         ));
     }
+    let mut out = reader.finish();
     out.found = found;
     Ok(out)
 }
@@ -95,7 +103,11 @@ impl Reader<'_> {
     fn take(&mut self, entry: Entry) {
         self.out.last_ns = Some(entry.time_ns().max(self.out.last_ns.unwrap_or(i64::MIN)));
         match entry {
-            Entry::Session { at_ns, bundle } => self.settings(at_ns, &bundle, 0),
+            Entry::Session {
+                at_ns,
+                bundle,
+                utc_offset_ns,
+            } => self.settings(at_ns, &bundle, utc_offset_ns),
             Entry::Counts {
                 at_ns,
                 bundle,
@@ -120,9 +132,15 @@ impl Reader<'_> {
                 };
                 if let Some(pipeline) = &mut self.pipeline {
                     pipeline.set_facts(facts);
+                    // Live, time went on without frames too.
+                    pipeline.tick(at_ns);
                 }
+                self.collect();
             }
-            Entry::Sealed { trigger_ns } => self.sealed.push(trigger_ns),
+            Entry::Sealed { first_ns, last_ns } => {
+                self.sealed.push((first_ns, last_ns));
+                self.forget_sealed();
+            }
             Entry::End { .. } => self.out.ended = true,
             other => {
                 let Some(pipeline) = &mut self.pipeline else {
@@ -133,7 +151,10 @@ impl Reader<'_> {
                         self.out.frames += 1;
                         pipeline.frame(&frame);
                     }
-                    Entry::Trigger(fired) => pipeline.known(fired),
+                    Entry::Trigger {
+                        fired,
+                        utc_offset_ns,
+                    } => pipeline.known(&fired, utc_offset_ns),
                     Entry::ClockStep { at_ns, step_ns } => pipeline.clock_step(at_ns, step_ns),
                     Entry::Note { at_ns, text } => pipeline.remark(at_ns, &text),
                     _ => {}
@@ -183,21 +204,28 @@ impl Reader<'_> {
             let trigger_ns = pipeline.trigger_line_ns(&record);
             self.records.push((trigger_ns, record));
             if self.records.len() > MOST_RECORDS {
-                let sealed = &self.sealed;
-                self.records
-                    .retain(|(trigger_ns, _)| !sealed.contains(trigger_ns));
-            }
-            if self.records.len() > MOST_RECORDS {
                 self.records.remove(0);
                 self.out.notes.push(
                     "more unsealed events than can be read back: the oldest is lost".to_owned(),
                 );
             }
         }
+        self.forget_sealed();
+    }
+
+    fn forget_sealed(&mut self) {
+        let sealed = &self.sealed;
+        let known = |at: i64| {
+            sealed
+                .iter()
+                .any(|(first, last)| (*first..=*last).contains(&at))
+        };
+        self.records.retain(|(trigger_ns, _)| !known(*trigger_ns));
     }
 
     fn finish(mut self) -> Recovered {
-        if let Some(pipeline) = &mut self.pipeline {
+        if let (Some(pipeline), Some(last_ns)) = (&mut self.pipeline, self.out.last_ns) {
+            pipeline.tick(last_ns);
             pipeline.settle();
             self.out.at_rest = pipeline.at_rest();
             if !self.out.ended {
@@ -206,12 +234,12 @@ impl Reader<'_> {
             pipeline.cut(CUT);
         }
         self.collect();
-        let sealed = self.sealed;
-        let open = self
-            .records
-            .into_iter()
-            .filter(|(trigger_ns, _)| !sealed.contains(trigger_ns));
-        self.out.records = open.map(|(_, record)| record).collect();
+        self.out.unreadable = !self.failed.is_empty();
+        for (_, mut record) in self.records {
+            record.health.notes.push(READ_BACK.to_owned());
+            record.health.notes.extend(self.out.notes.iter().cloned());
+            self.out.records.push(record);
+        }
         self.out
     }
 }

@@ -195,6 +195,17 @@ impl State {
         self
     }
 
+    /// The signals mean something else from now on: running events go on, what was estimated of the signals is
+    /// forgotten.
+    #[must_use]
+    pub fn restarted(self) -> Self {
+        Self {
+            current: self.current,
+            next: self.next,
+            ..Self::default()
+        }
+    }
+
     /// One step.
     #[must_use]
     pub fn step(mut self, input: &Input<'_>, rules: &Rules) -> (Self, Action) {

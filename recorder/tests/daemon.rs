@@ -40,7 +40,7 @@ fn it_tells_its_state_takes_a_trigger_and_seals_what_runs_when_it_is_stopped() {
     ] {
         assert!(!status[key].is_null(), "{key}");
     }
-    assert_eq!(status["spool"]["running"], true);
+    daemon.until("the spool", |status| status["spool"]["running"] == true);
     let screen = program(&daemon.dir, &["status", "--config", "recorder.toml"]);
     let screen = String::from_utf8(screen.stdout).unwrap();
     assert!(

@@ -111,6 +111,7 @@ fn record(settings: &Arc<Settings>, frames: &[Frame], blocks: u64) -> Recording 
     journal.entry(&Entry::Session {
         at_ns: frames[0].time_ns,
         bundle: digest,
+        utc_offset_ns: 0,
     });
     let (mut flushed, mut second, mut durable_ns) = (0, 0, frames[0].time_ns);
     let mut pending: Option<(i64, Durable)> = None;
@@ -121,12 +122,18 @@ fn record(settings: &Arc<Settings>, frames: &[Frame], blocks: u64) -> Recording 
         journal.frame(frame);
         pipeline.frame(frame);
         pipeline.take_fired(|fired| {
-            journal.entry(&Entry::Trigger(fired));
+            journal.entry(&Entry::Trigger {
+                fired,
+                utc_offset_ns: 0,
+            });
             triggered = true;
         });
         while let Some(record) = pipeline.take_ready() {
             let trigger_ns = pipeline.trigger_line_ns(&record);
-            journal.entry(&Entry::Sealed { trigger_ns });
+            journal.entry(&Entry::Sealed {
+                first_ns: trigger_ns,
+                last_ns: trigger_ns,
+            });
             recording.live = Some(record);
             sealed = true;
         }

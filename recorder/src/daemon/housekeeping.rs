@@ -6,10 +6,10 @@ use schema::seal::Hex;
 use schema::time::Stamp;
 use schema::units::{MetersPerSecond, MetersPerSecondSquared};
 
-use super::Daemon;
 use super::sealer::Told;
 use super::self_test::Finding;
 use super::status::{RingStatus, SignalStatus, SpoolStatus, Status, TotalsStatus};
+use super::{Daemon, say};
 use crate::clock::monotonic_ns;
 use crate::event::{Facts, GROUP_NAMES};
 use crate::recovery::source_number;
@@ -22,6 +22,8 @@ const ALIVE_NS: f64 = 200e6;
 const COUNTS_NS: i64 = 1_000_000_000;
 /// The first self-test comes so long after the first sample, ns.
 const FIRST_TEST_NS: i64 = 10_000_000_000;
+/// Frames that wait longer for the disk than this, ns, mean that it hangs.
+const LATE_NS: i64 = 1_000_000_000;
 /// Flushes before p99.9 means anything.
 const ENOUGH_FLUSHES: usize = 100;
 
@@ -96,7 +98,7 @@ impl Daemon {
             } else {
                 format!("{name} is back")
             };
-            tracing::warn!("{text}");
+            say::warn(text.as_str());
             self.remark(if silent { last_ns + offset } else { now }, text);
         }
     }
@@ -125,9 +127,9 @@ impl Daemon {
             .collect();
         for finding in &findings {
             if let Finding::Fault(_) = finding {
-                tracing::warn!("self-test: {}", finding.text());
+                say::warn(format!("self-test: {}", finding.text()));
             } else {
-                tracing::info!("self-test: {}", finding.text());
+                say::info(format!("self-test: {}", finding.text()));
             }
         }
         for finding in &mut self.findings {
@@ -153,6 +155,14 @@ impl Daemon {
             error_frames,
             utc_offset_ns: self.pipeline.shift_ns(),
         });
+        if self.pipeline.running() {
+            for entry in std::mem::take(&mut self.running) {
+                self.spool(&entry);
+                self.running.push(entry);
+            }
+        } else {
+            self.running.clear();
+        }
         let mut notes = if self.findings.is_empty() {
             vec!["no self-test was finished before this record".to_owned()]
         } else {
@@ -219,6 +229,9 @@ impl Daemon {
                 || (p999.is_none_or(|p999| interval + p999 <= bound)
                     && lost(alert).is_none_or(|lost| lost <= bound))
         };
+        // A disk that hangs finishes no flush that could be measured.
+        let waits_ns = self.journal.oldest_ns().map_or(0, |oldest| now - oldest);
+        let late = waits_ns > settings.loss_ns.max(LATE_NS);
         let seconds = num::real_i64(monotonic_ns() - self.started_ns) / 1e9;
         let bytes_a_day = num::real_u64(state.bytes) / seconds.max(1.0) * 86_400.0;
         let flushes = state.flushes.max(1);
@@ -228,13 +241,13 @@ impl Daemon {
             .div_ceil(num::u64_of(crate::spool::block::BLOCK_BYTES));
         let interval = num::round_i64(seconds.max(1.0) * 1e9 / num::real_u64(flushes));
         SpoolStatus {
-            running: true,
+            running: syncer.alive(),
             loss_bound_ms: ms(settings.loss_ns),
             flush_ms: ms(settings.flush_ns),
             flush_p999_ms: p999.map(ms),
             flush_longest_ms: ms(state.longest_ns),
             loss_p999_ms: lost(false).map(ms),
-            within_bound: keeps(false, settings.flush_ns, settings.loss_ns),
+            within_bound: keeps(false, settings.flush_ns, settings.loss_ns) && !late,
             within_event_bound: keeps(true, settings.flush_ns.min(EVENT_FLUSH_NS), EVENT_LOSS_NS),
             behind_ms: (state.durable_ns > 0).then(|| ms(now - state.durable_ns)),
             flushes: state.flushes,
@@ -326,7 +339,7 @@ impl Daemon {
             }
         }
         let spool = &status.spool;
-        if self.settings.spool.enabled && !spool.running {
+        if self.settings.spool.enabled && !spool.running && self.beginning.is_none() {
             alarms.push(format!(
                 "the ring is in memory only: {}",
                 self.spool_error

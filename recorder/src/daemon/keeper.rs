@@ -1,5 +1,6 @@
 //! The store of sealed records, as the sealer's thread uses it.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -11,6 +12,9 @@ use crate::error::RecorderError;
 use crate::keys;
 use crate::storage::Storage;
 use crate::store::{Vault, VaultError};
+
+/// The error number of a disk that fails; its kind has no name.
+const EIO: i32 = 5;
 
 struct InVault {
     vault: Vault,
@@ -64,11 +68,86 @@ pub(super) struct Opened {
     pub(super) notes: Vec<String>,
 }
 
-/// Opens the store.
+/// A store that can not be opened now, as on a file system that came up read-only: records wait in memory, and it is
+/// tried again with each.
+struct Later {
+    storage: Arc<dyn Storage>,
+    settings: Arc<Settings>,
+    vault: Option<InVault>,
+}
+
+impl Keeper for Later {
+    fn seal(&mut self, record: Record) -> Result<Kept, Box<Refused>> {
+        if self.vault.is_none() {
+            match open_vault(&self.storage, &self.settings) {
+                Ok((vault, _, _)) => self.vault = Some(vault),
+                Err(error) => {
+                    return Err(Box::new(Refused {
+                        reason: error.to_string(),
+                        hopeless: false,
+                        record,
+                    }));
+                }
+            }
+        }
+        match &mut self.vault {
+            Some(vault) => vault.seal(record),
+            None => Err(Box::new(Refused {
+                reason: "the store is not open".to_owned(),
+                hopeless: false,
+                record,
+            })),
+        }
+    }
+
+    fn stored(&self) -> u64 {
+        self.vault.as_ref().map_or(0, Keeper::stored)
+    }
+
+    fn free_bytes(&self) -> u64 {
+        self.vault.as_ref().map_or(0, Keeper::free_bytes)
+    }
+}
+
+/// The disk takes nothing now, which is no reason not to record.
+pub(super) fn disk_trouble(error: &RecorderError) -> bool {
+    let RecorderError::Io { source, .. } = error else {
+        return false;
+    };
+    matches!(
+        source.kind(),
+        ErrorKind::ReadOnlyFilesystem | ErrorKind::StorageFull | ErrorKind::QuotaExceeded
+    ) || source.raw_os_error() == Some(EIO)
+}
+
+/// Opens the store. Where the disk takes nothing now it is opened later.
 pub(super) fn open_keeper(
     storage: &Arc<dyn Storage>,
-    settings: &Settings,
+    settings: &Arc<Settings>,
 ) -> Result<Opened, RecorderError> {
+    match open_vault(storage, settings) {
+        Ok((vault, signed, notes)) => Ok(Opened {
+            keeper: Box::new(vault),
+            signed,
+            notes,
+        }),
+        Err(error) if disk_trouble(&error) => Ok(Opened {
+            keeper: Box::new(Later {
+                storage: Arc::clone(storage),
+                settings: Arc::clone(settings),
+                vault: None,
+            }),
+            signed: settings.store.key.is_some(),
+            notes: vec![format!("records wait in memory: {error}")],
+        }),
+        Err(error) => Err(error),
+    }
+}
+
+fn open_vault(
+    storage: &Arc<dyn Storage>,
+    settings: &Settings,
+) -> Result<(InVault, bool, Vec<String>), RecorderError> {
     let store = &settings.store;
     let key = keys::load(store)?;
     let signed = key.is_some();
@@ -79,14 +158,10 @@ pub(super) fn open_keeper(
         key,
         store.encrypt_to.as_deref(),
     )?;
-    let keeper = InVault {
+    let vault = InVault {
         vault,
         storage: Arc::clone(storage),
         dir: store.dir.clone(),
     };
-    Ok(Opened {
-        keeper: Box::new(keeper),
-        signed,
-        notes,
-    })
+    Ok((vault, signed, notes))
 }

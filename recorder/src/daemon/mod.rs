@@ -8,10 +8,12 @@ pub mod control;
 mod housekeeping;
 mod keeper;
 pub mod paced;
+mod say;
 pub mod sealer;
 pub mod self_test;
 mod start;
 pub mod status;
+mod storing;
 
 pub use start::{Options, run};
 
@@ -20,6 +22,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use schema::Record;
@@ -40,8 +43,8 @@ use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Moment, Syncer};
 const WAIT_NS: i64 = 20_000_000;
 /// Time between two looks at everything but frames, ns.
 const HOUSE_NS: i64 = 100_000_000;
-/// Time between two tries to begin the spool, ns.
-const AGAIN_NS: i64 = 10_000_000_000;
+/// Triggers that are written again at most.
+const MOST_REPEATED: usize = 64;
 
 /// What has become of the signals from outside.
 #[derive(Clone, Debug, Default)]
@@ -63,8 +66,11 @@ struct Daemon {
     syncer: Option<Syncer>,
     spool_error: Option<String>,
     /// Begins the spool; tried again while it can not be.
-    begin: Box<dyn Fn() -> Result<Syncer, RecorderError>>,
+    begin: start::Begin,
+    beginning: Option<JoinHandle<Result<Syncer, RecorderError>>>,
     begun_ns: i64,
+    /// Events of an earlier run wait for the disk, and the spool has their only durable copy.
+    blocked: bool,
     sealer: Sealer,
     self_test: Rc<RefCell<SelfTest>>,
     findings: Vec<String>,
@@ -85,6 +91,8 @@ struct Daemon {
     urgent: bool,
     silent: [bool; 4],
     reload: bool,
+    /// Triggers of events that run, written again each second.
+    running: Vec<Entry>,
     last_trigger: Option<TriggerStatus>,
     records: status::RecordsStatus,
     waiting: Option<String>,
@@ -122,6 +130,8 @@ impl Daemon {
             }
             pipeline.frame(frame);
         })?;
+        // Before notes: a trigger belongs to the UTC that was in force when it fired.
+        self.triggers();
         let now = self.source.now_ns();
         while let Some(note) = self.source.next_note() {
             self.note(note);
@@ -160,6 +170,9 @@ impl Daemon {
             self.flushed_ns = clock;
             return;
         }
+        if !self.syncer.as_mut().is_some_and(Syncer::ready) {
+            return;
+        }
         if self.pipeline.line_ns().is_some() {
             let at_ns = self.pipeline.undecided_ns();
             self.spool(&Entry::Closed { at_ns });
@@ -193,12 +206,12 @@ impl Daemon {
     fn note(&mut self, note: Note) {
         match note {
             Note::ClockStep { at_ns, step_ns } => {
-                tracing::warn!(step_ns, "the system clock was set");
+                say::warn(format!("the system clock was set by {step_ns} ns"));
                 self.pipeline.clock_step(at_ns, step_ns);
                 self.spool(&Entry::ClockStep { at_ns, step_ns });
             }
             Note::Text { at_ns, text } => {
-                tracing::warn!("{text}");
+                say::warn(text.as_str());
                 self.remark(at_ns, text);
             }
         }
@@ -213,15 +226,26 @@ impl Daemon {
     fn triggers(&mut self) {
         let shift = self.pipeline.shift_ns();
         let (journal, last, urgent) = (&mut self.journal, &mut self.last_trigger, &mut self.urgent);
+        let running = &mut self.running;
         let spooled = self.syncer.is_some();
         self.pipeline.take_fired(|fired| {
+            let entry = Entry::Trigger {
+                fired,
+                utc_offset_ns: shift,
+            };
             if spooled {
-                journal.entry(&Entry::Trigger(fired));
+                journal.entry(&entry);
+            }
+            if running.len() < MOST_REPEATED {
+                running.push(entry);
             }
             *urgent = true;
             let utc = housekeeping::iso(fired.monotonic_ns.saturating_add(shift));
             let kind = status::kind_word(fired.kind);
-            tracing::warn!(kind, %utc, value = fired.value, threshold = fired.threshold, "trigger");
+            let (value, threshold) = (fired.value, fired.threshold);
+            say::warn(format!(
+                "{kind} trigger at {utc}: {value:.3}, threshold {threshold:.3}"
+            ));
             *last = Some(TriggerStatus {
                 kind: kind.to_owned(),
                 utc,
@@ -232,18 +256,28 @@ impl Daemon {
     }
 
     fn seal(&mut self, record: Record) {
-        let trigger_ns = self.pipeline.trigger_line_ns(&record);
+        let line_ns = self.pipeline.trigger_line_ns(&record);
+        let span_ns = |record: &Record| {
+            let first = record.triggers.first().map(|first| first.monotonic_ns);
+            let last = record.triggers.last().map(|last| last.monotonic_ns);
+            first.zip(last).map_or(0, |(first, last)| last - first)
+        };
         let kinds: Vec<&str> = record
             .triggers
             .iter()
             .map(|trigger| status::kind_word(trigger.kind))
             .collect();
-        tracing::info!(
-            triggers = kinds.join(", "),
-            complete = record.completion.complete,
-            "an event is over"
-        );
-        self.sealer.seal(record, trigger_ns);
+        let whole = if record.completion.complete {
+            "complete"
+        } else {
+            "incomplete"
+        };
+        let text = format!("an event is over ({}), {whole}", kinds.join(", "));
+        let span = (line_ns, line_ns.saturating_add(span_ns(&record)));
+        if let Err(reason) = self.sealer.seal(record, span) {
+            self.told(Told::Lost { reason });
+        }
+        say::info(text);
     }
 
     /// Commands from the socket.
@@ -263,77 +297,12 @@ impl Daemon {
         }
     }
 
-    /// Begins the spool where that is asked for and nothing of an earlier run waits in it.
-    fn begin_spool(&mut self) {
-        let clock = monotonic_ns();
-        let due = self.begun_ns == 0 || clock - self.begun_ns >= AGAIN_NS;
-        if !self.settings.spool.enabled || self.syncer.is_some() || !due {
-            return;
-        }
-        if self.waiting.is_some() && self.records.sealed == 0 {
-            self.spool_error = Some(
-                "an event of an earlier run waits for room on the disk, and the spool holds its only durable copy"
-                    .to_owned(),
-            );
-            return;
-        }
-        self.begun_ns = clock;
-        match (self.begin)() {
-            Ok(syncer) => {
-                self.syncer = Some(syncer);
-                self.spool_error = None;
-                let at_ns = self.source.now_ns();
-                let bundle = self.bundle;
-                self.spool(&Entry::Session { at_ns, bundle });
-            }
-            Err(error) => {
-                tracing::error!("the ring is in memory only: {error}");
-                self.spool_error = Some(error.to_string());
-            }
-        }
-    }
-
-    /// What the sealer told.
-    fn told(&mut self, told: Told) {
-        match told {
-            Told::Sealed { trigger_ns, kept } => {
-                tracing::info!(path = %kept.path.display(), number = kept.number, "sealed");
-                for note in &kept.notes {
-                    tracing::warn!("{note}");
-                }
-                self.records.sealed += 1;
-                self.records.newest = Some(kept.path.display().to_string());
-                self.spool(&Entry::Sealed { trigger_ns });
-                self.urgent = true;
-            }
-            Told::Waiting { count, reason } => {
-                self.records.waiting = schema::num::u64_of(count);
-                let waiting = (count > 0)
-                    .then(|| format!("{count} records wait in memory for the disk: {reason}"));
-                if waiting != self.waiting
-                    && let Some(text) = &waiting
-                {
-                    tracing::error!("{text}");
-                }
-                self.waiting = waiting;
-            }
-            Told::Lost { reason } => {
-                tracing::error!("a record is lost: {reason}");
-                self.lost += 1;
-            }
-            Told::Room { stored, free_bytes } => {
-                self.records.stored = stored;
-                self.records.free_bytes = free_bytes;
-            }
-        }
-    }
-
     /// SIGHUP: the configuration is read again. The ring stays; where it can not be used the old one stays too.
     fn reload(&mut self) {
         let now = self.source.now_ns();
-        match start::reload(&self.config, self.source.as_mut()) {
+        match start::reload(&self.config, &self.settings, self.source.as_mut()) {
             Err(error) => {
-                tracing::error!("the configuration is not taken over: {error}");
+                say::error(format!("the configuration is not taken over: {error}"));
                 self.remark(
                     now,
                     format!(
@@ -341,26 +310,26 @@ impl Daemon {
                     ),
                 );
             }
-            Ok((settings, bundle)) => {
-                if start::needs_restart(&self.settings, &settings) {
-                    tracing::warn!(
-                        "[store], [spool], [run] and the key are taken over at the next start"
+            Ok(reloaded) => {
+                if reloaded.needs_restart {
+                    say::warn(
+                        "[store], [spool], [run] and the key are taken over at the next start",
                     );
                 }
-                let stored = start::store_bundle(&self.settings, &bundle);
-                match stored {
-                    Ok(digest) => self.bundle = digest,
-                    Err(error) => tracing::error!("{error}"),
-                }
-                let settings = Arc::new(settings);
+                let settings = Arc::new(reloaded.settings);
+                self.bundle = reloaded.digest;
+                self.pipeline.reconfigure(Arc::clone(&settings), now);
+                // What the last samples under the old settings decided is told before the new ones.
+                self.triggers();
                 self.spool(&Entry::Session {
                     at_ns: now,
                     bundle: self.bundle,
+                    utc_offset_ns: self.pipeline.shift_ns(),
                 });
-                self.pipeline.reconfigure(Arc::clone(&settings), now);
+                self.urgent = true;
                 *self.self_test.borrow_mut() = SelfTest::new(&settings);
                 self.settings = settings;
-                tracing::info!("the configuration was read again");
+                say::info("the configuration was read again");
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -52,13 +52,16 @@ pub struct Refused {
     pub hopeless: bool,
 }
 
+/// First and last trigger of an event on the line, ns.
+pub type Span = (i64, i64);
+
 /// What the thread tells.
 #[derive(Debug)]
 pub enum Told {
-    /// The event whose first trigger fell at this time on the line is on disk.
+    /// An event is on disk.
     Sealed {
-        /// On the line, ns.
-        trigger_ns: i64,
+        /// Its first and last trigger on the line, ns.
+        span_ns: Span,
         /// Where.
         kept: Kept,
     },
@@ -85,23 +88,26 @@ pub enum Told {
 
 /// The thread.
 pub struct Sealer {
-    to: Option<Sender<(Record, i64)>>,
+    to: Option<SyncSender<(Record, Span)>>,
     told: Receiver<Told>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Sealer {
-    /// Starts it.
+    /// Starts it, with records that wait already.
     ///
     /// # Errors
     /// When the system has no thread to give.
-    pub fn start(keeper: Box<dyn Keeper>) -> Result<Self, RecorderError> {
-        let (to, from) = channel();
+    pub fn start(
+        keeper: Box<dyn Keeper>,
+        waiting: VecDeque<(Record, Span)>,
+    ) -> Result<Self, RecorderError> {
+        let (to, from) = sync_channel(MOST_WAITING);
         let (tell, told) = channel();
         let thread = std::thread::Builder::new()
             .name("sealer".to_owned())
             .stack_size(512 * 1024)
-            .spawn(move || work(keeper, &from, &tell))
+            .spawn(move || work(keeper, waiting, &from, &tell))
             .map_err(RecorderError::io("sealer", "start the thread of"))?;
         Ok(Self {
             to: Some(to),
@@ -110,12 +116,14 @@ impl Sealer {
         })
     }
 
-    /// Hands over a record with the time of its first trigger on the line, ns.
-    pub fn seal(&self, record: Record, trigger_ns: i64) {
-        if let Some(to) = &self.to {
-            // The thread ends only when this side does.
-            let _ = to.send((record, trigger_ns));
-        }
+    /// Hands over a record.
+    ///
+    /// # Errors
+    /// When too many wait already; the record is then lost.
+    pub fn seal(&self, record: Record, span: Span) -> Result<(), String> {
+        let full = || format!("{MOST_WAITING} records wait for the disk already");
+        let to = self.to.as_ref().ok_or_else(full)?;
+        to.try_send((record, span)).map_err(|_| full())
     }
 
     /// What it told since the last call.
@@ -133,40 +141,47 @@ impl Sealer {
     }
 }
 
-fn work(mut keeper: Box<dyn Keeper>, from: &Receiver<(Record, i64)>, tell: &Sender<Told>) {
-    let mut waiting: VecDeque<(Record, i64)> = VecDeque::new();
+fn work(
+    mut keeper: Box<dyn Keeper>,
+    mut waiting: VecDeque<(Record, Span)>,
+    from: &Receiver<(Record, Span)>,
+    tell: &Sender<Told>,
+) {
     let mut open = true;
     while open {
+        // While the disk takes nothing the channel is left full: what does not fit there is told where it is handed over.
+        let full = waiting.len() >= MOST_WAITING;
         match from.recv_timeout(AGAIN) {
-            Ok(next) if waiting.len() < MOST_WAITING => waiting.push_back(next),
-            Ok(_) => {
+            Ok(next) if full => {
                 let reason = format!("{MOST_WAITING} records wait for the disk already");
                 let _ = tell.send(Told::Lost { reason });
+                drop(next);
             }
+            Ok(next) => waiting.push_back(next),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => open = false,
         }
-        while let Some((record, trigger_ns)) = waiting.pop_front() {
+        while let Some((record, span_ns)) = waiting.pop_front() {
+            let mut reason = String::new();
             match keeper.seal(record) {
                 Ok(kept) => {
-                    let _ = tell.send(Told::Sealed { trigger_ns, kept });
-                    let _ = tell.send(Told::Waiting {
-                        count: waiting.len(),
-                        reason: String::new(),
-                    });
+                    let _ = tell.send(Told::Sealed { span_ns, kept });
                 }
                 Err(refused) if refused.hopeless => {
-                    let reason = refused.reason;
-                    let _ = tell.send(Told::Lost { reason });
-                }
-                Err(refused) => {
-                    waiting.push_front((refused.record, trigger_ns));
-                    let _ = tell.send(Told::Waiting {
-                        count: waiting.len(),
+                    let _ = tell.send(Told::Lost {
                         reason: refused.reason,
                     });
-                    break;
                 }
+                Err(refused) => {
+                    waiting.push_front((refused.record, span_ns));
+                    reason = refused.reason;
+                }
+            }
+            let count = waiting.len();
+            let stop = !reason.is_empty();
+            let _ = tell.send(Told::Waiting { count, reason });
+            if stop {
+                break;
             }
         }
         let _ = tell.send(Told::Room {

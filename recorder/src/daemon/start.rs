@@ -1,6 +1,7 @@
 //! How the daemon comes up: settings, what an earlier run left, spool, threads, sources; and how it goes down.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::sync::mpsc::sync_channel;
 
 use nix::fcntl::{Flock, FlockArg};
 use nix::sys::mman::{MlockAllFlags, mlockall};
-use schema::Sample;
+use schema::{Sample, num};
 use sd_notify::NotifyState;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
@@ -18,9 +19,9 @@ use thread_priority::{
 };
 
 use super::control::{Control, Shared};
-use super::keeper::{Opened, open_keeper};
+use super::keeper::{Opened, disk_trouble, open_keeper};
 use super::paced::Paced;
-use super::sealer::{Keeper, Sealer};
+use super::sealer::{Keeper, Sealer, Span};
 use super::self_test::SelfTest;
 use super::status::{RecordsStatus, SpoolStatus};
 use super::{Daemon, Signals};
@@ -34,6 +35,7 @@ use crate::replay::LogInput;
 use crate::socket::Sockets;
 use crate::spool::{self, Found, Journal, SpoolFile, Syncer};
 use crate::storage::{Disk, Storage};
+use crate::store::RESERVE_BYTES;
 
 /// What `recorder run` is asked for.
 #[derive(Debug, Default)]
@@ -53,7 +55,14 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<(), RecorderError> {
     let (settings, bundle) = Settings::load_bundled(&options.config)?;
     let settings = Arc::new(settings);
-    let _only = lock(&settings.store.dir)?;
+    let _only = match lock(&settings.store.dir) {
+        Ok(only) => Some(only),
+        Err(error) if disk_trouble(&error) => {
+            tracing::error!("{error}");
+            None
+        }
+        Err(error) => return Err(error),
+    };
     let signals = signals()?;
     let storage: Arc<dyn Storage> = Arc::new(Disk);
     let Opened {
@@ -66,7 +75,8 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     }
     let mut recovered = read_back(storage.as_ref(), &settings);
     let unsealed = seal_recovered(&mut recovered, keeper.as_mut());
-    let sealer = Sealer::start(keeper)?;
+    let blocked = !unsealed.is_empty();
+    let sealer = Sealer::start(keeper, unsealed)?;
     let digest = bundle.digest();
     let shared = Arc::new(Shared::default());
     let (give, commands) = sync_channel(4);
@@ -75,10 +85,11 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     let observed = Rc::clone(&self_test);
     let observer: Observer<'static> =
         Box::new(move |_, sample: &Sample| observed.borrow_mut().sample(sample));
-    let begin = {
+    let begin: Begin = {
         let (settings, found) = (Arc::clone(&settings), std::mem::take(&mut recovered.found));
-        Box::new(move || begin_spool(&storage, &settings, &bundle, &found))
+        Arc::new(move || begin_spool(&storage, &settings, &bundle, &found))
     };
+    super::say::start();
     let mut daemon = Daemon {
         config: options.config.clone(),
         bundle: digest,
@@ -88,7 +99,10 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         syncer: None,
         spool_error: None,
         begin,
+        beginning: None,
         begun_ns: 0,
+        blocked,
+        running: Vec::new(),
         sealer,
         self_test,
         findings: Vec::new(),
@@ -119,12 +133,6 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         lost: 0,
         settings: Arc::clone(&settings),
     };
-    let left = unsealed.len();
-    for (record, trigger_ns) in unsealed {
-        daemon.sealer.seal(record, trigger_ns);
-    }
-    // What is left of an earlier run and found no room is in the spool too, which is not written until it has.
-    daemon.waiting = (left > 0).then(|| format!("{left} records wait in memory for the disk"));
     // This thread, and the spool's which is begun below; those of records and socket are not in a hurry.
     privileges(&settings);
     daemon.begin_spool();
@@ -133,7 +141,8 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
     let done = daemon.run();
     let _ = sd_notify::notify(&[NotifyState::Stopping]);
     daemon.finish();
-    tracing::info!("stopped");
+    super::say::info("stopped");
+    super::say::finish();
     done
 }
 
@@ -166,11 +175,42 @@ fn signals() -> Result<Signals, RecorderError> {
     Ok(signals)
 }
 
+/// Reads the spool back. One that can not be, or whose reading ended the program twice before, is set aside whole, for it
+/// may hold the only word of a crash.
 fn read_back(storage: &dyn Storage, settings: &Settings) -> Recovered {
-    let recovered = recover(storage, &settings.spool.file).unwrap_or_else(|error| {
-        tracing::error!("what an earlier run left can not be read: {error}");
-        Recovered::default()
-    });
+    let spool = &settings.spool.file;
+    let tries = beside(spool, "tries");
+    let tried = storage
+        .read(&tries, 16)
+        .ok()
+        .and_then(|text| String::from_utf8(text).ok()?.trim().parse::<u32>().ok())
+        .unwrap_or(0);
+    if tried >= MOST_TRIES {
+        set_aside(
+            storage,
+            spool,
+            "reading it back ended the recorder again and again",
+        );
+        let _ = storage.remove(&tries);
+        return Recovered::default();
+    }
+    let count = |tried: u32| -> std::io::Result<()> {
+        let mut file = storage.create(&tries)?;
+        file.write_at(0, format!("{tried}\n").as_bytes())?;
+        file.sync()
+    };
+    let counted = count(tried + 1);
+    let recovered = recover(storage, spool);
+    if counted.is_ok() {
+        let _ = storage.remove(&tries);
+    }
+    let recovered = match recovered {
+        Ok(recovered) => recovered,
+        Err(error) => {
+            set_aside(storage, spool, &error.to_string());
+            return Recovered::default();
+        }
+    };
     for note in &recovered.notes {
         tracing::warn!("{note}");
     }
@@ -182,33 +222,75 @@ fn read_back(storage: &dyn Storage, settings: &Settings) -> Recovered {
             recovered.records.len()
         );
     }
+    if recovered.unreadable {
+        set_aside(
+            storage,
+            spool,
+            "the settings that its frames were received under are not there",
+        );
+        return Recovered {
+            found: Found::default(),
+            ..recovered
+        };
+    }
     recovered
 }
 
-/// Seals what was unfinished; gives back what found no room, with the time of its first trigger.
+/// Times that a spool is tried to be read.
+const MOST_TRIES: u32 = 3;
+
+/// A file beside another: its name and an ending.
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+/// Gives a spool that can not be read another name, where it stays for somebody to look into.
+fn set_aside(storage: &dyn Storage, spool: &Path, why: &str) {
+    let free = (1..1000)
+        .map(|number| beside(spool, &format!("unread-{number}")))
+        .find(|path| storage.length(path).is_err());
+    let Some(place) = free else { return };
+    match storage.rename(spool, &place) {
+        Ok(()) => tracing::error!(
+            "the spool of an earlier run could not be read ({why}): it may hold an event and is kept as {}",
+            place.display()
+        ),
+        Err(error) => tracing::error!(
+            "the spool of an earlier run could not be read ({why}), nor set aside: {error}"
+        ),
+    }
+}
+
+/// Seals what was unfinished; gives back what found no room, with its first and last trigger.
 fn seal_recovered(
     recovered: &mut Recovered,
     keeper: &mut dyn Keeper,
-) -> Vec<(schema::Record, i64)> {
-    let mut left = Vec::new();
+) -> VecDeque<(schema::Record, Span)> {
+    let mut left = VecDeque::new();
     for record in std::mem::take(&mut recovered.records) {
-        let first = record
-            .triggers
-            .first()
-            .map_or(0, |first| first.monotonic_ns);
-        let utc = first.saturating_add(record.header.clock.offset_ns);
+        let at = |trigger: Option<&schema::parts::Trigger>| {
+            let monotonic_ns = trigger.map_or(0, |trigger| trigger.monotonic_ns);
+            monotonic_ns.saturating_add(record.header.clock.offset_ns)
+        };
+        let span = (at(record.triggers.first()), at(record.triggers.last()));
         match keeper.seal(record) {
             Ok(kept) => {
                 tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed");
             }
             Err(refused) => {
                 tracing::error!("an unfinished event waits in memory: {}", refused.reason);
-                left.push((refused.record, utc));
+                left.push_back((refused.record, span));
             }
         }
     }
     left
 }
+
+/// Begins the spool's file and its thread.
+pub(super) type Begin = Arc<dyn Fn() -> Result<Syncer, RecorderError> + Send + Sync>;
 
 fn begin_spool(
     storage: &Arc<dyn Storage>,
@@ -218,14 +300,24 @@ fn begin_spool(
 ) -> Result<Syncer, RecorderError> {
     let digest = spool::bundles::store(storage.as_ref(), &settings.spool.file, bundle)?;
     spool::bundles::forget(storage.as_ref(), &settings.spool.file, &[digest])?;
+    let blocks = spool::blocks_for(settings);
+    if found.total != blocks {
+        // What the spool takes must not be the room of the records.
+        let folder = settings.spool.file.parent().unwrap_or(Path::new(""));
+        let wanted =
+            blocks.saturating_mul(num::u64_of(spool::block::BLOCK_BYTES)) + 2 * RESERVE_BYTES;
+        let free = storage.free_bytes(folder).unwrap_or(u64::MAX);
+        if free < wanted {
+            return Err(
+                RecorderError::io(&settings.spool.file, "lay out the spool")(std::io::Error::new(
+                    std::io::ErrorKind::StorageFull,
+                    format!("expected {wanted} bytes free, found {free}"),
+                )),
+            );
+        }
+    }
     let session = found.session().wrapping_add(1).max(1);
-    let file = SpoolFile::begin(
-        storage,
-        &settings.spool.file,
-        spool::blocks_for(settings),
-        found,
-        session,
-    )?;
+    let file = SpoolFile::begin(storage, &settings.spool.file, blocks, found, session)?;
     Syncer::start(file, monotonic_ns)
 }
 
@@ -263,29 +355,40 @@ fn privileges(settings: &Settings) {
     }
 }
 
-/// Reads the configuration again and hands it to the source.
-pub(super) fn reload(
-    config: &Path,
-    source: &mut dyn LiveSource,
-) -> Result<(Settings, Bundle), RecorderError> {
-    let (settings, bundle) = Settings::load_bundled(config)?;
-    source.reconfigure(&settings)?;
-    Ok((settings, bundle))
+/// Settings that were read again.
+pub(super) struct Reloaded {
+    pub(super) settings: Settings,
+    /// Names their bundle.
+    pub(super) digest: [u8; 32],
+    /// Something changed that is only looked at when the daemon starts.
+    pub(super) needs_restart: bool,
 }
 
-/// Whether something changed that is only looked at when the daemon starts.
-pub(super) fn needs_restart(old: &Settings, new: &Settings) -> bool {
+/// Reads the configuration again and hands it to the source, once the spool can name it. What is only looked at when the
+/// daemon starts stays as it was.
+pub(super) fn reload(
+    config: &Path,
+    old: &Settings,
+    source: &mut dyn LiveSource,
+) -> Result<Reloaded, RecorderError> {
+    let (mut settings, bundle) = Settings::load_bundled(config)?;
     let of = |settings: &Settings| {
         let (store, spool, run) = (&settings.store, &settings.spool, &settings.run);
         format!("{store:?} {spool:?} {run:?}")
     };
-    of(old) != of(new)
-}
-
-/// Stores the bundle of the settings in force from now on.
-pub(super) fn store_bundle(
-    settings: &Settings,
-    bundle: &Bundle,
-) -> Result<[u8; 32], RecorderError> {
-    spool::bundles::store(&Disk, &settings.spool.file, bundle)
+    let needs_restart = of(old) != of(&settings);
+    settings.store = old.store.clone();
+    settings.spool = old.spool.clone();
+    settings.run = old.run.clone();
+    let digest = if settings.spool.enabled {
+        spool::bundles::store(&Disk, &settings.spool.file, &bundle)?
+    } else {
+        bundle.digest()
+    };
+    source.reconfigure(&settings)?;
+    Ok(Reloaded {
+        settings,
+        digest,
+        needs_restart,
+    })
 }

@@ -7,17 +7,20 @@ use schema::num;
 use schema::parts::{ClockStep, TriggerKind};
 use schema::sample::SAMPLE_NS;
 
-use super::Pipeline;
+use super::{Pipeline, TRIGGER_LAG_NS};
 use crate::bins::index_of;
 use crate::config::Settings;
 use crate::decode::Decoder;
 use crate::event::Facts;
 use crate::pace::Pace;
+use crate::ring::RawRing;
 use crate::sampler::Sampler;
-use crate::trigger::{Fired, Input, Rules, State};
+use crate::trigger::{Fired, Input, Rules};
 
 /// With no frame for so long time goes on without them, so much behind, ns. Longer than any frame is ever late.
 const QUIET_NS: i64 = 300_000_000;
+/// Two decisions on one trigger differ by less, ns.
+const SAME_NS: i64 = 20_000_000;
 /// A sharp frame keeps the spool alert for so long, ns.
 const ALERT_NS: i64 = 1_000_000_000;
 /// A car that was hit may stand when the power goes: so long after a sharp frame, ns.
@@ -56,12 +59,29 @@ impl Pipeline<'_> {
         bin.saturating_mul(SAMPLE_NS)
     }
 
-    /// A trigger that fired before the cut: its time on the line, its index there in steps of 10 ms.
-    pub fn known(&mut self, fired: Fired) {
-        self.known.push_back(fired);
-        if let Some(newest) = self.ring.end().checked_sub(1) {
-            self.fire_known(newest);
+    /// Reading back, no trigger fires by itself up to the first undecided sample, less so many.
+    pub(super) fn mute(&mut self, index: u64, less: u64) {
+        if let Some(from) = self.recovering {
+            self.rules.muted = self.line_bin(index).saturating_add(less) < from;
         }
+    }
+
+    /// A trigger that fired before the cut, in the order it was told: its time on the line, its index there in steps of
+    /// 10 ms, and UTC minus the line then. One that fired already is no other.
+    pub fn known(&mut self, fired: &Fired, shift_ns: i64) {
+        if self.time.is_none() {
+            return;
+        }
+        let fired = self.place(fired);
+        let same = |other: &Fired| {
+            other.kind == fired.kind && (other.monotonic_ns - fired.monotonic_ns).abs() <= SAME_NS
+        };
+        if self.fired.iter().any(same) {
+            return;
+        }
+        let now = std::mem::replace(&mut self.shift_ns, shift_ns);
+        self.step_machine(&Input::Known(fired));
+        self.shift_ns = now;
     }
 
     /// Now on the line, ns, while no frame comes: bins are closed and events end all the same.
@@ -90,15 +110,6 @@ impl Pipeline<'_> {
         {
             self.asked.pop_front();
             self.step_machine(&Input::Manual(at));
-        }
-    }
-
-    pub(super) fn fire_known(&mut self, index: u64) {
-        while let Some(fired) = self.known.front().map(|fired| self.place(fired))
-            && fired.index <= index
-        {
-            self.known.pop_front();
-            self.step_machine(&Input::Known(fired));
         }
     }
 
@@ -235,7 +246,6 @@ impl Pipeline<'_> {
         let Some(time) = self.time else { return };
         self.sampler.flush(time.now_ns(), &mut self.out);
         self.drain();
-        self.fire_known(u64::MAX);
     }
 
     /// The recording was cut here and nothing runs: if the car moved, or was hit a moment ago, that is a trigger of its
@@ -248,14 +258,16 @@ impl Pipeline<'_> {
         let now_ns = time.now_ns();
         let sharp = self.sampler.sharp_ns();
         let hit = sharp.is_some_and(|sharp| now_ns - sharp < HIT_NS);
+        let lately = |at_ns: i64| now_ns - at_ns < ALERT_NS;
         let speed = self
             .rolling
-            .filter(|(at_ns, _)| now_ns - at_ns < ALERT_NS)
+            .filter(|(at_ns, _)| lately(*at_ns))
             .map(|(_, speed)| speed);
+        let [accel, ..] = &self.paces;
         let moving = match speed {
             Some(speed) => speed >= ROLLING,
-            // Without wheels only two seconds of rest say that it stands.
-            None => !self.state.at_rest(),
+            // Without wheels only two seconds of rest say that it stands; a bus that sleeps says nothing.
+            None => accel.last_ns().is_some_and(lately) && !self.state.at_rest(),
         };
         if moving || hit {
             self.step_machine(&Input::Known(Fired {
@@ -269,22 +281,26 @@ impl Pipeline<'_> {
         }
     }
 
-    /// Other settings from a time on the line on; the ring stays. To be called while no event runs.
+    /// Other settings from a time on the line on; the ring stays. To be called while no event runs; one that the last
+    /// samples under the old settings begin goes on.
     pub fn reconfigure(&mut self, settings: Arc<Settings>, line_ns: i64) {
         let digest = schema::seal::Hex(&self.settings.config_sha256).to_string();
-        self.rules = Rules::of(&settings);
-        self.rules.muted = self.recovering.is_some();
+        // Under the old rules first: what is decided now belongs to them.
         if let Some(time) = self.time {
             self.sampler.flush(time.now_ns(), &mut self.out);
             self.drain();
         }
+        self.rules = Rules::of(&settings);
+        self.rules.muted = self.recovering.is_some();
         self.sampler = Sampler::new(&settings.plan, settings.mounting, settings.trigger.peak);
         if let Some(time) = self.time {
             self.sampler.begin(time.now_ns());
         }
         // Conditions and the level of gravity belong to the old signals.
-        self.state = State::default();
+        self.state = self.state.restarted();
         self.decoder = Decoder::default();
+        self.raw = RawRing::new(settings.raw.before_ns + TRIGGER_LAG_NS);
+        self.rolling = None;
         self.paces = [const { Pace::new() }; 4];
         self.aux.clear();
         self.ring.forget_aux();

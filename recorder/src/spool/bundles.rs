@@ -8,8 +8,8 @@ use crate::config::Bundle;
 use crate::error::RecorderError;
 use crate::storage::Storage;
 
-/// Bundles of earlier sessions that are kept.
-const KEPT: usize = 8;
+/// Bundles of earlier sessions that are kept: names say nothing of age, so enough for any number of reloads.
+const KEPT: usize = 64;
 
 /// The file of a bundle: `SPOOL.DIGEST.settings`, the first eight bytes of the digest.
 fn place(spool: &Path, digest: &[u8; 32]) -> PathBuf {

@@ -20,9 +20,17 @@ pub enum Entry {
         at_ns: i64,
         /// Names the bundle ([`crate::config::Bundle`]).
         bundle: [u8; 32],
+        /// UTC minus the line, ns.
+        utc_offset_ns: i64,
     },
-    /// A trigger fired, as [`crate::pipeline::Pipeline::take_fired`] gives it.
-    Trigger(Fired),
+    /// A trigger fired, as [`crate::pipeline::Pipeline::take_fired`] gives it. While its event runs it is written again
+    /// and again, so that no one block holds the only word of it.
+    Trigger {
+        /// The trigger.
+        fired: Fired,
+        /// UTC minus the line that its event began with, ns.
+        utc_offset_ns: i64,
+    },
     /// The system clock was set.
     ClockStep {
         /// When.
@@ -37,10 +45,12 @@ pub enum Entry {
         /// What.
         text: String,
     },
-    /// The event whose first trigger fell at this time is sealed and on disk.
+    /// The event whose triggers fell between these times is sealed and on disk.
     Sealed {
         /// Time of its first trigger on the line.
-        trigger_ns: i64,
+        first_ns: i64,
+        /// Time of its last trigger on the line.
+        last_ns: i64,
     },
     /// The state of session, sockets and clock, once a second: whatever the circle has left, this is in it.
     Counts {
@@ -77,14 +87,14 @@ impl Entry {
     pub fn time_ns(&self) -> i64 {
         match self {
             Self::Frame(frame) => frame.time_ns,
-            Self::Trigger(fired) => fired.monotonic_ns,
+            Self::Trigger { fired, .. } => fired.monotonic_ns,
             Self::Session { at_ns, .. }
             | Self::ClockStep { at_ns, .. }
             | Self::Note { at_ns, .. }
             | Self::Counts { at_ns, .. }
             | Self::Closed { at_ns }
             | Self::End { at_ns } => *at_ns,
-            Self::Sealed { trigger_ns } => *trigger_ns,
+            Self::Sealed { last_ns, .. } => *last_ns,
         }
     }
 }
@@ -124,11 +134,19 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
     match entry {
         // Frames go by `put_frame`: only it knows the base.
         Entry::Frame(_) => {}
-        Entry::Session { at_ns, bundle } => {
+        Entry::Session {
+            at_ns,
+            bundle,
+            utc_offset_ns,
+        } => {
             head(out, SESSION, *at_ns);
             out.extend(bundle);
+            out.extend(utc_offset_ns.to_le_bytes());
         }
-        Entry::Trigger(fired) => {
+        Entry::Trigger {
+            fired,
+            utc_offset_ns,
+        } => {
             head(out, TRIGGER, fired.monotonic_ns);
             out.push(match fired.kind {
                 TriggerKind::Peak => 0,
@@ -138,6 +156,7 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
                 TriggerKind::PowerLoss => 4,
             });
             out.push(u8::try_from(fired.source).unwrap_or(u8::MAX));
+            out.extend(utc_offset_ns.to_le_bytes());
             out.extend(fired.index.to_le_bytes());
             out.extend(fired.value.to_le_bytes());
             out.extend(fired.threshold.to_le_bytes());
@@ -156,7 +175,10 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
             out.extend(u16::try_from(bytes.len()).unwrap_or(0).to_le_bytes());
             out.extend(bytes);
         }
-        Entry::Sealed { trigger_ns } => head(out, SEALED, *trigger_ns),
+        Entry::Sealed { first_ns, last_ns } => {
+            head(out, SEALED, *first_ns);
+            out.extend(last_ns.to_le_bytes());
+        }
         Entry::Counts {
             at_ns,
             bundle,
@@ -235,16 +257,18 @@ impl<'a> Entries<'a> {
             SESSION => Entry::Session {
                 at_ns,
                 bundle: self.take()?,
+                utc_offset_ns: self.long()?,
             },
             TRIGGER => {
                 let [kind, source] = self.take()?;
+                let utc_offset_ns = self.long()?;
                 let index = self.count()?;
                 let value = f64::from_le_bytes(self.take()?);
                 let threshold = f64::from_le_bytes(self.take()?);
                 if !value.is_finite() || !threshold.is_finite() {
                     return None;
                 }
-                Entry::Trigger(Fired {
+                let fired = Fired {
                     kind: match kind {
                         0 => TriggerKind::Peak,
                         1 => TriggerKind::DeltaV,
@@ -258,7 +282,11 @@ impl<'a> Entries<'a> {
                     value,
                     threshold,
                     source: usize::from(source),
-                })
+                };
+                Entry::Trigger {
+                    fired,
+                    utc_offset_ns,
+                }
             }
             CLOCK_STEP => Entry::ClockStep {
                 at_ns,
@@ -273,7 +301,10 @@ impl<'a> Entries<'a> {
                     text: String::from_utf8_lossy(text).into_owned(),
                 }
             }
-            SEALED => Entry::Sealed { trigger_ns: at_ns },
+            SEALED => Entry::Sealed {
+                first_ns: at_ns,
+                last_ns: self.long()?,
+            },
             COUNTS => Entry::Counts {
                 at_ns,
                 bundle: self.take()?,
@@ -332,8 +363,12 @@ mod tests {
             Entry::Session {
                 at_ns: -5,
                 bundle: [7; 32],
+                utc_offset_ns: 5,
             },
-            Entry::Trigger(fired),
+            Entry::Trigger {
+                fired,
+                utc_offset_ns: -6,
+            },
             Entry::ClockStep {
                 at_ns: 1,
                 step_ns: -3_600_000_000_000,
@@ -342,7 +377,10 @@ mod tests {
                 at_ns: 2,
                 text: "can0 går ned".to_owned(),
             },
-            Entry::Sealed { trigger_ns: 9 },
+            Entry::Sealed {
+                first_ns: 9,
+                last_ns: 10,
+            },
             Entry::Counts {
                 at_ns: 4,
                 bundle: [3; 32],

@@ -15,6 +15,8 @@ use crate::storage::{Storage, Stored};
 const AT_ONCE: u64 = 64;
 /// Blocks from the newest within which the last entry of a kind is looked for: one flush is at most 1,024.
 const LOOK_BACK: usize = 4096;
+/// Blocks from the newest within which a missing one matters: the triggers of a running event are written each second.
+const HOLES: usize = 256;
 
 /// The open file.
 pub struct SpoolFile {
@@ -68,9 +70,9 @@ pub fn scan(storage: &dyn Storage, path: &Path) -> Result<Found, RecorderError> 
     let mut place = 0;
     while place < total {
         let count = AT_ONCE.min(total - place);
-        let bytes = storage
-            .read_range(path, offset(place), num::usize_of(offset(count)))
-            .map_err(RecorderError::io(path, "read the spool"))?;
+        let at_once = storage.read_range(path, offset(place), num::usize_of(offset(count)));
+        // One page that can not be read must not cost the others.
+        let bytes = at_once.unwrap_or_else(|_| one_by_one(storage, path, place, count));
         for (at, bytes) in (place..).zip(bytes.chunks_exact(BLOCK_BYTES)) {
             if let Some(head) = block::read(bytes)
                 && head.sequence % total == at
@@ -97,24 +99,39 @@ pub fn scan(storage: &dyn Storage, path: &Path) -> Result<Found, RecorderError> 
     })
 }
 
-/// The last entry of the newest session that `wanted` gives something for.
-///
-/// # Errors
-/// When the file can not be read.
+/// Blocks read one by one; one that can not be read is zeros, which is no block.
+fn one_by_one(storage: &dyn Storage, path: &Path, place: u64, count: u64) -> Vec<u8> {
+    let mut out = Vec::new();
+    for at in place..place + count {
+        let read = storage.read_range(path, offset(at), BLOCK_BYTES);
+        out.extend(read.unwrap_or_default());
+        out.resize(num::usize_of(offset(at + 1 - place)), 0);
+    }
+    out
+}
+
+/// The last entry of the newest session that `wanted` gives something for, of those before the first block that is
+/// missing from its end.
 pub fn last_of<T>(
     storage: &dyn Storage,
     path: &Path,
     found: &Found,
     wanted: impl Fn(&Entry) -> Option<T>,
-) -> Result<Option<T>, RecorderError> {
+) -> Option<T> {
     let session = found.session();
-    for (sequence, place, of) in found.blocks.iter().rev().take(LOOK_BACK) {
+    // What stands behind a missing block may have been decided on what was in it.
+    let mut sound = 0;
+    for (at, (sequence, _, _)) in found.blocks.iter().enumerate().rev().take(HOLES) {
+        let before = at.checked_sub(1).and_then(|at| found.blocks.get(at));
+        if before.is_some_and(|(before, _, _)| before + 1 != *sequence) {
+            sound = found.blocks.len() - at;
+        }
+    }
+    for (sequence, place, of) in found.blocks.iter().rev().skip(sound).take(LOOK_BACK) {
         if *of != session {
             break;
         }
-        let bytes = storage
-            .read_range(path, offset(*place), BLOCK_BYTES)
-            .map_err(RecorderError::io(path, "read the spool"))?;
+        let bytes = one_by_one(storage, path, *place, 1);
         let head: Option<Head> = block::read(&bytes).filter(|head| head.sequence == *sequence);
         let last = head.and_then(|head| {
             block::entries(&bytes, &head)
@@ -122,36 +139,30 @@ pub fn last_of<T>(
                 .last()
         });
         if last.is_some() {
-            return Ok(last);
+            return last;
         }
     }
-    Ok(None)
+    None
 }
 
-/// Hands on every entry of the newest session, oldest first.
-///
-/// # Errors
-/// When the file can not be read.
+/// Hands on every entry of the newest session, oldest first. A block that can not be read any more is left out.
 pub fn read_session(
     storage: &dyn Storage,
     path: &Path,
     found: &Found,
     take: &mut dyn FnMut(Entry),
-) -> Result<(), RecorderError> {
+) {
     let session = found.session();
     for (sequence, place, of) in &found.blocks {
         if *of != session {
             continue;
         }
-        let bytes = storage
-            .read_range(path, offset(*place), BLOCK_BYTES)
-            .map_err(RecorderError::io(path, "read the spool"))?;
+        let bytes = one_by_one(storage, path, *place, 1);
         let head: Option<Head> = block::read(&bytes).filter(|head| head.sequence == *sequence);
         if let Some(head) = head {
             block::entries(&bytes, &head).for_each(&mut *take);
         }
     }
-    Ok(())
 }
 
 impl SpoolFile {
@@ -236,8 +247,11 @@ fn lay_out(storage: &dyn Storage, path: &Path, blocks: u64) -> io::Result<()> {
         }
         place += count;
     }
-    file.sync()?;
-    storage.rename(&temporary, path)?;
+    let named = file.sync().and_then(|()| storage.rename(&temporary, path));
+    if let Err(error) = named {
+        let _ = storage.remove(&temporary);
+        return Err(error);
+    }
     storage.sync_folder(folder)
 }
 

@@ -16,8 +16,9 @@ pub struct Journal {
     /// Where the open block begins.
     open: Option<usize>,
     base_ns: i64,
-    /// Time of the first entry that waits, on the line.
+    /// Time of the first frame that waits, on the line.
     oldest_ns: Option<i64>,
+    newest_ns: i64,
     lost: u64,
     scratch: Vec<u8>,
 }
@@ -51,6 +52,8 @@ impl Journal {
             self.lost += 1;
             return;
         }
+        self.oldest_ns.get_or_insert(frame.time_ns);
+        self.newest_ns = frame.time_ns;
         self.room(entry::frame_bytes(frame), frame.time_ns);
         if !entry::put_frame(&mut self.bytes, self.base_ns, frame) {
             self.close();
@@ -59,15 +62,25 @@ impl Journal {
         }
     }
 
-    /// Anything else. It is taken also where frames find no room.
+    /// Anything else. It is taken also where frames find no room, within reason.
     pub fn entry(&mut self, entry: &Entry) {
         if let Entry::Frame(frame) = entry {
             return self.frame(frame);
         }
+        if self.bytes.len() >= 2 * MOST_BLOCKS * BLOCK_BYTES {
+            self.lost += 1;
+            return;
+        }
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.clear();
         entry::put(&mut scratch, entry);
-        self.room(scratch.len(), entry.time_ns());
+        // Frames follow: the block's base is theirs, whatever time the entry tells of.
+        let base_ns = if self.newest_ns == 0 {
+            entry.time_ns()
+        } else {
+            self.newest_ns
+        };
+        self.room(scratch.len(), base_ns);
         self.bytes.extend(&scratch);
         self.scratch = scratch;
     }
@@ -82,7 +95,6 @@ impl Journal {
         }
         self.open = Some(self.bytes.len());
         self.base_ns = time_ns;
-        self.oldest_ns.get_or_insert(time_ns);
         block::begin(&mut self.bytes, time_ns);
     }
 
@@ -92,7 +104,7 @@ impl Journal {
         }
     }
 
-    /// Time of the first entry that waits, ns on the line.
+    /// Time of the first frame that waits, ns on the line.
     #[must_use]
     pub fn oldest_ns(&self) -> Option<i64> {
         self.oldest_ns

@@ -3,6 +3,7 @@
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use schema::num;
 
@@ -14,6 +15,10 @@ use crate::error::RecorderError;
 const BUFFERS: usize = 2;
 /// Flushes that the quantile is taken of.
 const REMEMBERED: usize = 8192;
+
+/// A flush that fails is tried again so often, so long apart; frames wait in memory meanwhile.
+const TRIES: u32 = 50;
+const AGAIN: Duration = Duration::from_millis(100);
 
 /// What the thread measured.
 #[derive(Clone, Debug, Default)]
@@ -170,18 +175,29 @@ impl Syncer {
         lock(&shared).reserve();
         let work = move || {
             while let Ok(mut batch) = from.recv() {
-                let started = now();
-                let done = file.write(&mut batch.bytes).and_then(|()| file.sync());
-                let done_ns = now();
-                let mut state = lock(&shared);
-                match done {
-                    Ok(()) => state.add(&batch, done_ns.saturating_sub(started), done_ns),
-                    Err(error) => {
-                        state.errors += 1;
-                        state.last_error = Some(error.to_string());
+                let mut left = TRIES;
+                loop {
+                    let started = now();
+                    let done = file.write(&mut batch.bytes).and_then(|()| file.sync());
+                    let done_ns = now();
+                    let mut state = lock(&shared);
+                    match done {
+                        Ok(()) => {
+                            state.add(&batch, done_ns.saturating_sub(started), done_ns);
+                            break;
+                        }
+                        Err(error) => {
+                            state.errors += 1;
+                            state.last_error = Some(error.to_string());
+                        }
                     }
+                    drop(state);
+                    left -= 1;
+                    if left == 0 {
+                        break;
+                    }
+                    thread::sleep(AGAIN);
                 }
-                drop(state);
                 if give.send(batch.bytes).is_err() {
                     break;
                 }
@@ -223,6 +239,20 @@ impl Syncer {
             // There are no more buffers than places in the channel, so neither happens while the thread lives.
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
         }
+    }
+
+    /// True while the thread lives.
+    #[must_use]
+    pub fn alive(&self) -> bool {
+        self.thread
+            .as_ref()
+            .is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// True if a flush can be handed over now.
+    pub fn ready(&mut self) -> bool {
+        self.spare.extend(self.back.try_iter());
+        !self.spare.is_empty()
     }
 
     /// Waits until everything handed over is written.
