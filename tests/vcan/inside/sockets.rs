@@ -81,7 +81,8 @@ fn equal_to_candump(lane: &Lane) {
             .iter()
             .any(|frame| frame.flags & FD != 0 && frame.len() > 8)
     );
-    // Sorted within a reading; a frame that comes between the reading of one socket and of the other is not.
+    // A frame that comes between the reading of one socket and of the other waits for the next reading. Only one that
+    // the kernel stamped and has not yet put into its queue can be handed on behind a later one.
     let mut newest = i64::MIN;
     let (mut backwards, mut farthest) = (0, 0);
     for frame in &heard {
@@ -93,7 +94,10 @@ fn equal_to_candump(lane: &Lane) {
     println!(
         "of 3500 frames of two interfaces {backwards} were handed on behind a later one, by {farthest} ns at most"
     );
-    assert!(farthest < 50_000_000, "the pipeline takes no more");
+    assert!(
+        farthest < 5_000_000 && backwards <= 35,
+        "{backwards} {farthest}"
+    );
     for state in sockets.interfaces() {
         assert!(state.up && state.malformed == 0 && state.dropped == 0 && state.outages == 0);
         assert_eq!(state.stamps, "kernel", "vcan has no clock of its own");
