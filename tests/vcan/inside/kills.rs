@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use recorder::clock::monotonic_ns;
+use recorder::clock::{monotonic_ns, realtime_ns};
 use recorder::keys::read_public;
 use recorder::recovery::recover;
 use recorder::storage::Disk;
@@ -28,12 +28,12 @@ pub(crate) const TESTS: &[Test] = &[(
 )];
 
 /// Daemons side by side, and kills of each.
-const DAEMONS: u64 = 10;
-const KILLS: usize = 10;
+const DAEMONS: u64 = 6;
+const KILLS: usize = 17;
 /// What is played: a crash each round, s; no daemon is started any more after `START_S`.
 const ROUND_S: u32 = 7;
 const PLAYED_S: u32 = 105;
-const START_S: f64 = 70.0;
+const START_S: f64 = 65.0;
 /// After the trigger, s.
 const POST_S: f64 = 3.0;
 /// A cut loses at most so much, ms; and while an event runs.
@@ -93,12 +93,37 @@ impl Place {
             .unwrap()
     }
 
+    /// Starts it, and stops it once it records.
+    fn once(&self) {
+        let starts = self.recording().len();
+        let mut child = self.start();
+        self.wait_for(starts + 1);
+        run("kill", &["-TERM", &child.id().to_string()]);
+        assert!(child.wait().unwrap().success(), "{}", self.said());
+    }
+
     fn log(&self) -> PathBuf {
         self.dir.join("err.txt")
     }
 
     fn said(&self) -> String {
         fs::read_to_string(self.log()).unwrap_or_default()
+    }
+
+    /// When it began to record, each time it was started, UTC, ns, as it logs it.
+    fn recording(&self) -> Vec<i64> {
+        let said = self.said();
+        let lines = said.lines().filter(|line| line.contains("INFO recording"));
+        lines.map(|line| utc_ns(&line[..27])).collect()
+    }
+
+    /// Waits until it began to record so many times.
+    fn wait_for(&self, starts: usize) {
+        let most_ns = monotonic_ns() + 30_000_000_000;
+        while self.recording().len() < starts {
+            assert!(monotonic_ns() < most_ns, "not started: {}", self.said());
+            sleep(Duration::from_millis(50));
+        }
     }
 
     /// The records, each sealed by the key and naming the one before; those between may have been removed by the keep
@@ -133,6 +158,18 @@ fn trigger_utc(record: &Record) -> i64 {
     record.triggers[0].monotonic_ns + record.header.clock.offset_ns
 }
 
+/// `2026-01-31T23:59:59.123456Z` as ns since 1970, as far as the time of the day goes: the day is today.
+fn utc_ns(text: &str) -> i64 {
+    let number = |part: std::ops::Range<usize>| text[part].parse::<i64>().unwrap();
+    let seconds = (number(11..13) * 60 + number(14..16)) * 60 + number(17..19);
+    let day_ns = 86_400_000_000_000;
+    let of_day = seconds * 1_000_000_000 + number(20..26) * 1000;
+    let now = realtime_ns();
+    let today = now - now.rem_euclid(day_ns) + of_day;
+    // At midnight it was yesterday.
+    if today > now { today - day_ns } else { today }
+}
+
 /// What one kill cost.
 struct Loss {
     ms: f64,
@@ -150,16 +187,14 @@ struct Tally {
     losses: Vec<Loss>,
 }
 
-/// When to kill a daemon that was started at `start_s` of what is played: a third in the 2 s after a trigger, a third
-/// before one, the rest anywhere.
-fn instant(random: &mut ChaCha8Rng, start_s: f64) -> f64 {
+/// When to kill a daemon, s of what is played, now that it records: in the 2 s after a trigger, or before one.
+fn instant(random: &mut ChaCha8Rng, now_s: f64, after: bool) -> f64 {
     let round = f64::from(ROUND_S);
-    // The next crash that finds it recording.
-    let crash = CRASH_S + round * ((start_s + 0.7 - CRASH_S) / round).ceil();
-    match random.random_range(0..3) {
-        0 => crash + 0.1 + random.random_range(0.0..2.0),
-        1 => random.random_range(start_s + 0.05..crash),
-        _ => start_s + random.random_range(0.05..6.0),
+    let crash = CRASH_S + round * ((now_s + 0.3 - CRASH_S) / round).ceil();
+    if after {
+        crash + 0.1 + random.random_range(0.0..2.0)
+    } else {
+        random.random_range(now_s..crash)
     }
 }
 
@@ -167,28 +202,29 @@ fn instant(random: &mut ChaCha8Rng, start_s: f64) -> f64 {
 fn life(place: &Place, began_ns: i64, seed: u64, killer: &Killer, tally: &Mutex<Tally>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unfinished: Vec<i64> = Vec::new();
+    let played_s = || num::real_i64(monotonic_ns() - began_ns) * 1e-9;
     for _ in 0..KILLS {
-        let start_s = num::real_i64(monotonic_ns() - began_ns) * 1e-9;
-        if start_s > START_S {
+        if played_s() > START_S {
             break;
         }
+        let starts = place.recording().len();
         let child = place.start();
-        let at_ns = began_ns + num::round_i64(instant(&mut random, start_s) * 1e9);
+        // A third in the 2 s after the trigger, a third before it, the rest anywhere, while it starts too.
+        let at_s = match random.random_range(0..3) {
+            2 => played_s() + random.random_range(0.05..4.0),
+            kind => {
+                place.wait_for(starts + 1);
+                instant(&mut random, played_s(), kind == 0)
+            }
+        };
+        let at_ns = began_ns + num::round_i64(at_s * 1e9);
         let death = killer.kill_at(child, at_ns);
         assert!(death.ran, "it ended by itself: {}", place.said());
-        look(place, &death, &mut unfinished, tally);
+        let recording_ns = place.recording().get(starts).copied();
+        look(place, &death, recording_ns, &mut unfinished, tally);
     }
     // One more start: everything that was left is sealed.
-    let recording = || place.said().matches("INFO recording").count();
-    let before = recording();
-    let mut child = place.start();
-    let most_ns = monotonic_ns() + 30_000_000_000;
-    while recording() == before {
-        assert!(monotonic_ns() < most_ns, "not started: {}", place.said());
-        sleep(Duration::from_millis(100));
-    }
-    run("kill", &["-TERM", &child.id().to_string()]);
-    assert!(child.wait().unwrap().success(), "{}", place.said());
+    place.once();
     let triggers = place.verified();
     for utc in unfinished {
         let times = triggers.iter().filter(|found| **found == utc).count();
@@ -198,7 +234,13 @@ fn life(place: &Place, began_ns: i64, seed: u64, killer: &Killer, tally: &Mutex<
 }
 
 /// Looks at what a kill left.
-fn look(place: &Place, death: &Death, unfinished: &mut Vec<i64>, tally: &Mutex<Tally>) {
+fn look(
+    place: &Place,
+    death: &Death,
+    recording_ns: Option<i64>,
+    unfinished: &mut Vec<i64>,
+    tally: &Mutex<Tally>,
+) {
     let triggers = place.verified();
     let recovered = recover(&Disk, &place.dir.join("records/spool.svs")).unwrap();
     assert!(recovered.notes.is_empty(), "{:?}", recovered.notes);
@@ -221,12 +263,14 @@ fn look(place: &Place, death: &Death, unfinished: &mut Vec<i64>, tally: &Mutex<T
     }
     tally.kills += 1;
     tally.sending_ms = tally.sending_ms.max(num::real_i64(death.sending_ns) / 1e6);
-    let enough = |last: &i64| recovered.frames > 20 && death.killed_ns - last < 5_000_000_000;
-    let Some(last_ns) = recovered.last_ns.filter(enough) else {
-        // Before it recorded: the spool holds the session before.
+    let Some(recording_ns) = recording_ns else {
         tally.unread += 1;
         return;
     };
+    // Of what was on the bus before it recorded nothing is lost by the kill.
+    let last_ns = recovered
+        .last_ns
+        .map_or(recording_ns, |last| last.max(recording_ns));
     let age_s = |utc: &i64| num::real_i64(last_ns - utc) * 1e-9;
     tally.losses.push(Loss {
         ms: num::real_i64(death.killed_ns - last_ns) / 1e6,
@@ -257,6 +301,8 @@ fn kills(lane: &Lane) {
     let places: Vec<Place> = (0..DAEMONS)
         .map(|number| Place::new(lane, number))
         .collect();
+    // Laying out the spool, done once, is a load of its own.
+    places.iter().for_each(Place::once);
     let reaper = Reaper::start();
     // The bus of a car does not wait for anybody.
     let words = [
