@@ -31,9 +31,9 @@ pub(crate) const TESTS: &[Test] = &[(
 const DAEMONS: u64 = 6;
 const KILLS: usize = 17;
 /// What is played: a crash each round, s; no daemon is started any more after `START_S`.
-const ROUND_S: u32 = 7;
+const ROUND_S: u32 = 6;
 const PLAYED_S: u32 = 105;
-const START_S: f64 = 65.0;
+const START_S: f64 = 72.0;
 /// After the trigger, s.
 const POST_S: f64 = 3.0;
 /// A cut loses at most so much, ms; and while an event runs.
@@ -41,8 +41,9 @@ const BOUND_MS: f64 = 100.0;
 const EVENT_BOUND_MS: f64 = 50.0;
 /// Between two frames of the log, ms: part of no loss.
 const FEED_MS: f64 = 10.0;
-/// A machine that stands still for longer, ms, in the second before a kill, runs no daemon either: such kills are
-/// counted and told, and their losses held to no bound.
+/// Where a thread of the daemons' own priority had to wait longer for a processor, ms, in the second before a kill, the
+/// machine (or the other daemons on its only processor) held the daemon up: such kills are counted and told, and their
+/// losses held to no bound.
 const STALL_MS: f64 = 20.0;
 
 /// A daemon's folder.
@@ -303,7 +304,7 @@ fn kills(lane: &Lane) {
         .collect();
     // Laying out the spool, done once, is a load of its own.
     places.iter().for_each(Place::once);
-    let reaper = Reaper::start();
+    let reaper = Reaper::start(20);
     // The bus of a car does not wait for anybody.
     let words = [
         "--fifo",
@@ -346,7 +347,7 @@ fn tell(tally: &Tally, stalls: &[f64], took_s: f64, dir: &Path) {
         tally.kills, tally.unread, tally.recovered, tally.sealed
     );
     println!(
-        "a sleep of 1 ms takes too long by {:.1} ms in the median, {:.1} ms at the 99.9th percentile, {:.1} ms at most; \
+        "a sleep of 1 ms at the daemons' priority took too long by {:.1} ms in the median, {:.1} ms at the 99.9th percentile, {:.1} ms at most; \
          a kill is sent within {:.1} ms; folders in {}",
         quantile(stalls, 0.5),
         quantile(stalls, 0.999),
@@ -370,11 +371,7 @@ fn tell(tally: &Tally, stalls: &[f64], took_s: f64, dir: &Path) {
                 } else {
                     "without an event"
                 },
-                if stalled {
-                    "the machine stood still"
-                } else {
-                    "no stall"
-                },
+                if stalled { "held up" } else { "not held up" },
             );
             for loss in of.iter().filter(|loss| loss.ms > bound + FEED_MS) {
                 println!("  lost {:.1} ms, stall {:.1} ms", loss.ms, loss.stall_ms);
@@ -384,9 +381,9 @@ fn tell(tally: &Tally, stalls: &[f64], took_s: f64, dir: &Path) {
     }
     assert!(
         !broken,
-        "a loss beyond the bound, and the machine did not stall"
+        "a loss beyond the bound, and nothing held the daemon up"
     );
-    assert!(tally.kills >= 60, "{}", tally.kills);
+    assert!(tally.kills >= 50, "{}", tally.kills);
     let events = tally.losses.iter().filter(|loss| loss.event).count();
     assert!(events >= 5 && tally.recovered >= events, "{events}");
 }

@@ -1,7 +1,11 @@
-//! One thread ahead of all others: it kills on time, and it measures whether the machine stood still.
+//! Two threads: one ahead of all others kills on time, one of the daemons' own priority measures how long the machine
+//! let it wait.
 
+use std::collections::VecDeque;
 use std::process::Child;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::Duration;
 
@@ -9,12 +13,11 @@ use recorder::clock::{monotonic_ns, realtime_ns};
 
 use crate::bench::run;
 
-/// Between two looks.
-const LOOK: Duration = Duration::from_millis(1);
-/// Stalls are remembered for so long, ns.
+/// The meter's sleep.
+const NAP: Duration = Duration::from_millis(1);
+const NAP_NS: i64 = 1_000_000;
+/// What it measured is remembered for so long, ns.
 const REMEMBERED_NS: i64 = 1_000_000_000;
-/// Above the daemons: it is never kept waiting by them.
-const PRIORITY: &str = "30";
 
 /// What is to be killed.
 struct Order {
@@ -35,12 +38,6 @@ pub(crate) struct Death {
     pub(crate) ran: bool,
 }
 
-/// The thread.
-pub(crate) struct Reaper {
-    to: Option<Sender<Order>>,
-    thread: Option<JoinHandle<Vec<i64>>>,
-}
-
 /// For each of the daemons: orders a death and waits for it.
 #[derive(Clone)]
 pub(crate) struct Killer(Sender<Order>);
@@ -55,72 +52,125 @@ impl Killer {
     }
 }
 
+/// What the meter measured.
+#[derive(Default)]
+struct Meter {
+    /// When it fell asleep last.
+    asleep_ns: i64,
+    /// Of the last second: when it woke, and how much too late.
+    recent: VecDeque<(i64, i64)>,
+    /// How much too late, each time.
+    all: Vec<i64>,
+}
+
+impl Meter {
+    fn stall_ns(&self) -> i64 {
+        let running = monotonic_ns() - self.asleep_ns - NAP_NS;
+        let recent = self.recent.iter().map(|(_, late)| *late);
+        recent.fold(running, i64::max)
+    }
+}
+
+/// The threads.
+pub(crate) struct Reaper {
+    to: Sender<Order>,
+    reaper: JoinHandle<()>,
+    meter: JoinHandle<()>,
+    measured: Arc<Mutex<Meter>>,
+    stop: Arc<AtomicBool>,
+}
+
+/// Gives this thread a place in the order of real time; as root it is allowed.
+fn realtime(priority: u8) {
+    let own = std::fs::read_link("/proc/thread-self").unwrap();
+    let number = own.file_name().unwrap().to_str().unwrap();
+    run("chrt", &["--fifo", "--pid", &priority.to_string(), number]);
+}
+
 impl Reaper {
-    /// Starts it.
-    pub(crate) fn start() -> Self {
+    /// Starts them; the daemons have this priority.
+    pub(crate) fn start(priority: u8) -> Self {
         let (to, orders) = channel();
-        let thread = std::thread::spawn(move || {
-            let own = std::fs::read_link("/proc/thread-self").unwrap();
-            let number = own.file_name().unwrap().to_str().unwrap();
-            // As root it is allowed.
-            run("chrt", &["--fifo", "--pid", PRIORITY, number]);
-            work(&orders)
+        let measured = Arc::new(Mutex::new(Meter {
+            asleep_ns: monotonic_ns(),
+            ..Meter::default()
+        }));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (shared, stopped) = (Arc::clone(&measured), Arc::clone(&stop));
+        let meter = std::thread::spawn(move || {
+            realtime(priority);
+            measure(&shared, &stopped);
+        });
+        let shared = Arc::clone(&measured);
+        let reaper = std::thread::spawn(move || {
+            realtime(priority + 10);
+            reap(&orders, &shared);
         });
         Self {
-            to: Some(to),
-            thread: Some(thread),
+            to,
+            reaper,
+            meter,
+            measured,
+            stop,
         }
     }
 
     /// One who orders.
     pub(crate) fn killer(&self) -> Killer {
-        Killer(self.to.clone().unwrap())
+        Killer(self.to.clone())
     }
 
     /// Waits until no one orders any more; gives all that sleeps took too long, sorted, ns.
-    pub(crate) fn end(mut self) -> Vec<i64> {
-        drop(self.to.take());
-        let mut all = self.thread.take().unwrap().join().unwrap();
+    pub(crate) fn end(self) -> Vec<i64> {
+        drop(self.to);
+        self.reaper.join().unwrap();
+        self.stop.store(true, Ordering::Relaxed);
+        self.meter.join().unwrap();
+        let mut all = std::mem::take(&mut self.measured.lock().unwrap().all);
         all.sort_unstable();
         all
     }
 }
 
-fn work(orders: &Receiver<Order>) -> Vec<i64> {
-    let mut waiting: Vec<Order> = Vec::new();
-    let mut recent: std::collections::VecDeque<(i64, i64)> = std::collections::VecDeque::new();
-    let mut all = Vec::new();
-    let look_ns = schema::num::round_i64(LOOK.as_secs_f64() * 1e9);
-    loop {
-        let before = monotonic_ns();
-        sleep(LOOK);
+fn measure(shared: &Mutex<Meter>, stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        shared.lock().unwrap().asleep_ns = monotonic_ns();
+        sleep(NAP);
+        let mut meter = shared.lock().unwrap();
         let now = monotonic_ns();
-        let over = now - before - look_ns;
-        all.push(over);
-        recent.push_back((now, over));
-        while recent
+        let late = now - meter.asleep_ns - NAP_NS;
+        meter.all.push(late);
+        meter.recent.push_back((now, late));
+        while meter
+            .recent
             .front()
             .is_some_and(|(at, _)| now - at > REMEMBERED_NS)
         {
-            recent.pop_front();
+            meter.recent.pop_front();
         }
-        let closed = loop {
-            match orders.try_recv() {
-                Ok(order) => waiting.push(order),
-                Err(error) => break error == std::sync::mpsc::TryRecvError::Disconnected,
-            }
-        };
-        if closed && waiting.is_empty() {
-            return all;
+    }
+}
+
+fn reap(orders: &Receiver<Order>, meter: &Mutex<Meter>) {
+    let mut waiting: Vec<Order> = Vec::new();
+    loop {
+        let next = waiting.iter().map(|order| order.at_ns).min();
+        let wait = next.map_or(i64::MAX, |at| at - monotonic_ns()).max(0);
+        match orders.recv_timeout(Duration::from_nanos(wait.unsigned_abs())) {
+            Ok(order) => waiting.push(order),
+            Err(RecvTimeoutError::Disconnected) if waiting.is_empty() => return,
+            Err(RecvTimeoutError::Disconnected) => sleep(NAP),
+            Err(RecvTimeoutError::Timeout) => {}
         }
+        let now = monotonic_ns();
         while let Some(at) = waiting.iter().position(|order| order.at_ns <= now) {
             let mut order = waiting.swap_remove(at);
             let ran = order.child.try_wait().unwrap().is_none();
             let killed_ns = realtime_ns();
             order.child.kill().unwrap();
             let sending_ns = realtime_ns() - killed_ns;
+            let stall_ns = meter.lock().unwrap().stall_ns();
             order.child.wait().unwrap();
-            let stall_ns = recent.iter().map(|(_, over)| *over).max().unwrap_or(0);
             let _ = order.done.send(Death {
                 killed_ns,
                 sending_ns,
