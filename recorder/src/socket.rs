@@ -3,7 +3,7 @@
 //!
 //! An interface that is missing, down, removed or renamed is no error: it is noted, and looked for each quarter of a
 //! second. Loss is counted by the kernel and told exactly. After a wait that frames ended, about a millisecond of
-//! them is let pile up: waking for each would cost more than all else (see [`PILE`]).
+//! them is let pile up: waking for each would cost more than all else (`PILE`).
 
 mod batch;
 mod bus;
@@ -190,7 +190,7 @@ impl LiveSource for Sockets {
         self.look(now);
         let pending = self.pending();
         if pending && self.held && wait >= PILE {
-            // As after a wait that frames ended; it is not a flood.
+            // They came while it went on: others may join them, as after a wait.
             self.desk.clocks.sleep(PILE);
         }
         if pending || self.wait(wait, now) {

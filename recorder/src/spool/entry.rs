@@ -18,7 +18,7 @@ pub enum Entry {
     Session {
         /// When.
         at_ns: i64,
-        /// Names the bundle ([`crate::bundle`]).
+        /// Names the bundle ([`crate::config::Bundle`]).
         bundle: [u8; 32],
     },
     /// A trigger fired, as [`crate::pipeline::Pipeline::take_fired`] gives it.

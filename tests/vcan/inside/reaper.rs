@@ -74,8 +74,8 @@ impl Meter {
 /// The threads.
 pub(crate) struct Reaper {
     to: Sender<Order>,
-    reaper: JoinHandle<()>,
-    meter: JoinHandle<()>,
+    killing: JoinHandle<()>,
+    metering: JoinHandle<()>,
     measured: Arc<Mutex<Meter>>,
     stop: Arc<AtomicBool>,
 }
@@ -97,19 +97,19 @@ impl Reaper {
         }));
         let stop = Arc::new(AtomicBool::new(false));
         let (shared, stopped) = (Arc::clone(&measured), Arc::clone(&stop));
-        let meter = std::thread::spawn(move || {
+        let metering = std::thread::spawn(move || {
             realtime(priority);
             measure(&shared, &stopped);
         });
         let shared = Arc::clone(&measured);
-        let reaper = std::thread::spawn(move || {
+        let killing = std::thread::spawn(move || {
             realtime(priority + 10);
             reap(&orders, &shared);
         });
         Self {
             to,
-            reaper,
-            meter,
+            killing,
+            metering,
             measured,
             stop,
         }
@@ -123,9 +123,9 @@ impl Reaper {
     /// Waits until no one orders any more; gives all that sleeps took too long, sorted, ns.
     pub(crate) fn end(self) -> Vec<i64> {
         drop(self.to);
-        self.reaper.join().unwrap();
+        self.killing.join().unwrap();
         self.stop.store(true, Ordering::Relaxed);
-        self.meter.join().unwrap();
+        self.metering.join().unwrap();
         let mut all = std::mem::take(&mut self.measured.lock().unwrap().all);
         all.sort_unstable();
         all
