@@ -1,4 +1,4 @@
-//! The only reader of clocks, and what is made of their readings: the [`mod@line`] that frames' times are on, and the
+//! The only reader of clocks, and what is made of their readings: the [line](mod@line) that frames' times are on, and the
 //! map of a controller's own clock onto it ([`hardware`]).
 //!
 //! The system has two clocks that matter: `CLOCK_MONOTONIC`, which never steps, and `CLOCK_REALTIME` (UTC), which

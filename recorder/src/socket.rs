@@ -47,6 +47,8 @@ pub struct Sockets {
     next_look_ns: i64,
     /// When the last reading began, on the line.
     begun_ns: i64,
+    /// The last reading left frames that were younger than it.
+    held: bool,
 }
 
 impl Sockets {
@@ -76,6 +78,7 @@ impl Sockets {
             epoll: epoll()?,
             next_look_ns: i64::MIN,
             begun_ns: i64::MIN,
+            held: false,
         };
         sockets.reconfigure(settings)?;
         Ok(sockets)
@@ -119,8 +122,22 @@ impl Sockets {
         }
     }
 
-    /// Hands on what is there, the earliest first.
+    /// Reads each interface, and hands on what was there when this began, the earliest first. A younger frame stays:
+    /// of those interfaces that were read before it came there may be older ones.
     fn hand_on(&mut self, take: &mut dyn FnMut(&Frame)) {
+        let until = if self.links.len() > 1 {
+            self.desk.now()
+        } else {
+            i64::MAX
+        };
+        for (number, (link, state)) in (0..).zip(self.links.iter_mut().zip(&mut self.states)) {
+            if link.intake.head().is_none() {
+                link.refill(state, &mut self.desk, &mut self.batch, number);
+            } else {
+                link.leave();
+            }
+        }
+        self.held = false;
         let mut handed = 0;
         while handed < MOST {
             let mut first: Option<(i64, usize)> = None;
@@ -138,7 +155,14 @@ impl Sockets {
                     first = Some((frame.time_ns, at));
                 }
             }
-            let Some(link) = first.and_then(|(_, at)| self.links.get_mut(at)) else {
+            let Some((time, at)) = first else {
+                return;
+            };
+            if time > until {
+                self.held = true;
+                return;
+            }
+            let Some(link) = self.links.get_mut(at) else {
                 return;
             };
             if let Some(frame) = link.intake.head() {
@@ -164,12 +188,12 @@ impl LiveSource for Sockets {
             self.desk.drained_ns = begun;
         }
         self.look(now);
-        if self.pending() || self.wait(wait, now) {
-            for (number, (link, state)) in (0..).zip(self.links.iter_mut().zip(&mut self.states)) {
-                if link.intake.head().is_none() {
-                    link.refill(state, &mut self.desk, &mut self.batch, number);
-                }
-            }
+        let pending = self.pending();
+        if pending && self.held && wait >= PILE {
+            // They came while it went on: others may join them, as after a wait.
+            self.desk.clocks.sleep(PILE);
+        }
+        if pending || self.wait(wait, now) {
             self.hand_on(take);
         }
         Ok(())

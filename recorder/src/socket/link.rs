@@ -25,7 +25,7 @@ pub(super) struct Link {
     out: bool,
     /// When that was seen, ns on the line.
     lost_ns: i64,
-    /// The last batch was full: more may wait in the kernel.
+    /// More may wait in the kernel.
     more: bool,
     /// Frames on their way.
     pub intake: Intake,
@@ -51,6 +51,11 @@ impl Link {
     /// More frames may wait in the kernel.
     pub(super) fn more(&self) -> bool {
         self.more
+    }
+
+    /// It is not read now, for something of it waits: more may wait in the kernel behind that.
+    pub(super) fn leave(&mut self) {
+        self.more = self.bound.is_some();
     }
 
     /// Looks after the interface, each quarter of a second: opens it, finds it back, finds it gone. True if there is

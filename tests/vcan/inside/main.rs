@@ -11,8 +11,12 @@
 )]
 
 mod bench;
+mod car;
+mod check;
 mod daemon;
 mod drives;
+mod kills;
+mod reaper;
 mod sockets;
 mod traffic;
 
@@ -39,7 +43,14 @@ fn main() -> ExitCode {
         }
     }
     let mut failed = false;
-    let tests: Vec<Test> = [sockets::TESTS, traffic::TESTS, drives::TESTS].concat();
+    let tests: Vec<Test> = [
+        sockets::TESTS,
+        traffic::TESTS,
+        check::TESTS,
+        drives::TESTS,
+        kills::TESTS,
+    ]
+    .concat();
     for (name, sets_clock, test) in tests {
         let wanted = names.is_empty() || names.iter().any(|part| name.contains(part.as_str()));
         if !wanted || (sets_clock && !own_clock) || (only_own_clock && !sets_clock) {

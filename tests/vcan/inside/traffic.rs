@@ -38,7 +38,7 @@ fn allocations(lane: &Lane) {
 }
 
 /// Frames of one measurement.
-const FRAMES: &str = "40000";
+const FRAMES: &str = "30000";
 
 /// Wall time until so many frames are sent as fast as it goes and the reader has ended, s. There is one processor
 /// that never rests meanwhile, so that it is processor time, of all that happens for a frame. (What the user-mode
