@@ -147,8 +147,8 @@ fn each_flag_of_a_ledger_goes_round_and_what_is_none_is_refused() {
         let mut file = MAGIC.to_vec();
         file.extend(entry);
         let ledger = Ledger::read(&file);
-        // 16, a loss of power, stands with 8 alone.
-        if code >= 32 || code & 24 == 16 {
+        // 0x10, a loss of power, stands with 8 alone.
+        if code >= 32 || code & 0x18 == 0x10 {
             let error = ledger.error.unwrap().to_string();
             assert!(
                 error.contains("flags") && error.contains(&format!("found {code}")),
