@@ -147,7 +147,7 @@ fn each_flag_of_a_ledger_goes_round_and_what_is_none_is_refused() {
         let mut file = MAGIC.to_vec();
         file.extend(entry);
         let ledger = Ledger::read(&file);
-        // 0x10, a loss of power, stands with 8 alone.
+        // 0x10, a loss of power, stands only with 8.
         if code >= 32 || code & 0x18 == 0x10 {
             let error = ledger.error.unwrap().to_string();
             assert!(
