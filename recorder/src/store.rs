@@ -159,7 +159,9 @@ pub fn claim(dir: &Path) -> Result<File, RecorderError> {
 #[non_exhaustive]
 pub enum VaultError {
     /// The disk is full and nothing may be removed: to be tried again when space returns.
-    #[error("the disk is full and every older record is locked: record kept in memory")]
+    #[error(
+        "the disk is full and no older record may be removed for this one: record kept in memory"
+    )]
     Full {
         /// The record.
         record: Box<Record>,

@@ -57,18 +57,56 @@ pub struct Flags {
     pub encrypted: bool,
     /// It was found in the folder without an entry, and entered after the fact.
     pub adopted: bool,
+    /// It goes before the record of a crash does.
+    pub weak: Weak,
+}
+
+/// Whether a record gives way to those of crashes, as none of its triggers was a peak, a delta-V or a CAN signal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weak {
+    /// It does not: it is, or may be, one of a crash.
+    #[default]
+    No,
+    /// All its triggers were set by hand or by a loss of power.
+    Yes,
+    /// As before, and all by a loss of power.
+    PowerLoss,
+}
+
+impl Weak {
+    /// True for either kind of weak record.
+    #[must_use]
+    pub fn is_weak(self) -> bool {
+        self != Self::No
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Self::No => 0,
+            Self::Yes => 8,
+            Self::PowerLoss => 8 | 16,
+        }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        let all = [Self::No, Self::Yes, Self::PowerLoss];
+        all.into_iter().find(|weak| weak.code() == code & (8 | 16))
+    }
 }
 
 impl Flags {
     fn code(self) -> u8 {
-        u8::from(self.locked) | u8::from(self.encrypted) << 1 | u8::from(self.adopted) << 2
+        let adopted = u8::from(self.adopted) << 2;
+        u8::from(self.locked) | u8::from(self.encrypted) << 1 | adopted | self.weak.code()
     }
 
     fn from_code(code: u8) -> Option<Self> {
-        (code < 8).then_some(Self {
+        let weak = Weak::from_code(code)?;
+        (code < 32).then_some(Self {
             locked: code & 1 != 0,
             encrypted: code & 2 != 0,
             adopted: code & 4 != 0,
+            weak,
         })
     }
 }
@@ -199,7 +237,7 @@ impl Entry {
         let flags = Flags::from_code(flags)
             .filter(|flags| kind == Kind::Sealed || *flags == Flags::default())
             .ok_or_else(|| {
-                let expected = "0 to 7, and 0 unless a record was sealed".to_owned();
+                let expected = "0 to 15 or 24 to 31, and 0 unless a record was sealed".to_owned();
                 ("flags", expected, found.to_string())
             })?;
         if zeros != [0; 5] {

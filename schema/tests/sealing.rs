@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use schema::header::{Header, Origin};
 use schema::key::KeyError;
 use schema::ledger::audit::audit;
-use schema::ledger::{ENTRY_BYTES, Entry, Flags, Kind, LedgerError};
+use schema::ledger::{ENTRY_BYTES, Entry, Flags, Kind, LedgerError, MAGIC, Weak};
 use schema::parts::{Health, Trigger};
 use schema::{Ledger, PublicKey, Record, SchemaError, SecretKey};
 
@@ -134,6 +134,37 @@ fn a_ledger_goes_round_and_shows_its_records_and_keys() {
     let named = audit(&Ledger::read(&bytes(&entries[..5])));
     assert!(named.vouches(&key(1).public(), &key(2).public()));
     assert!(!named.vouches(&key(2).public(), &key(1).public()));
+}
+
+#[test]
+fn each_flag_of_a_ledger_goes_round_and_what_is_none_is_refused() {
+    let plain = sealed(1, None, None, Flags::default()).to_bytes();
+    for code in 0..=u8::MAX {
+        let mut entry = plain;
+        entry[2] = code;
+        let check = crc32c::crc32c(&entry[..152]);
+        entry[152..].copy_from_slice(&check.to_le_bytes());
+        let mut file = MAGIC.to_vec();
+        file.extend(entry);
+        let ledger = Ledger::read(&file);
+        // 0x10, a loss of power, stands only with 8.
+        if code >= 32 || code & 0x18 == 0x10 {
+            let error = ledger.error.unwrap().to_string();
+            assert!(
+                error.contains("flags") && error.contains(&format!("found {code}")),
+                "{error}"
+            );
+            continue;
+        }
+        let flags = ledger.entries[0].flags;
+        let weak = [Weak::No, Weak::Yes, Weak::No, Weak::PowerLoss][usize::from(code >> 3)];
+        assert_eq!((flags.weak, flags.weak.is_weak()), (weak, code & 8 != 0));
+        assert_eq!(
+            (flags.locked, flags.encrypted, flags.adopted),
+            (code & 1 != 0, code & 2 != 0, code & 4 != 0)
+        );
+        assert_eq!(bytes(&ledger.entries), file);
+    }
 }
 
 #[test]

@@ -4,10 +4,13 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use schema::ledger::{Entry, FILE_NAME, Flags, Kind, LedgerError, MAGIC, MAX_LEDGER_BYTES};
-use schema::{Ledger, PublicKey, SecretKey, num};
+use schema::{Ledger, PublicKey, Record, Seal, SecretKey, num};
 
 use super::Trouble;
 use crate::storage::Storage;
+
+/// Files are compared in pieces of so many bytes.
+const PIECE: usize = 1 << 20;
 
 /// What an entry is to say; the rest follows from its place.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +20,19 @@ pub(super) struct Says {
     pub(super) number: u64,
     pub(super) utc_ns: i64,
     pub(super) sha256: [u8; 32],
+}
+
+impl Says {
+    /// A record was sealed.
+    pub(super) fn sealed(record: &Record, seal: &Seal, flags: Flags) -> Self {
+        Self {
+            kind: Kind::Sealed,
+            flags,
+            number: record.header.number,
+            utc_ns: record.utc_ns(),
+            sha256: seal.sha256,
+        }
+    }
 }
 
 /// The end of the ledger, where the next entry goes.
@@ -123,16 +139,38 @@ impl LedgerFile {
 
 /// An empty ledger, whole under its name or not at all.
 fn begin(storage: &dyn Storage, dir: &Path, path: &Path) -> Result<(), Trouble> {
+    let temporary = write_empty(storage, dir, path)?;
+    put(storage, dir, &temporary, path)
+}
+
+/// An empty ledger under a temporary name. After an error nothing is left of it.
+fn write_empty(storage: &dyn Storage, dir: &Path, path: &Path) -> Result<PathBuf, Trouble> {
     let temporary = dir.join(".ledger.part");
     let written: io::Result<()> = storage.create(&temporary).and_then(|mut file| {
         file.write_at(0, &MAGIC)?;
-        file.sync()?;
-        storage.rename(&temporary, path)?;
-        storage.sync_folder(dir)
+        file.sync()
     });
-    written.map_err(Trouble::at(path, "begin the ledger"))
+    match written {
+        Ok(()) => Ok(temporary),
+        Err(source) => {
+            let _ = storage.remove(&temporary);
+            Err(Trouble::at(path, "begin the ledger")(source))
+        }
+    }
 }
 
+/// Gives it its name.
+fn put(storage: &dyn Storage, dir: &Path, temporary: &Path, path: &Path) -> Result<(), Trouble> {
+    let named = storage.rename(temporary, path).inspect_err(|_| {
+        let _ = storage.remove(temporary);
+    });
+    named
+        .and_then(|()| storage.sync_folder(dir))
+        .map_err(Trouble::at(path, "begin the ledger"))
+}
+
+/// Keeps a damaged ledger under another name and begins a new one. The new one is written first: where it can not be,
+/// as on a full disk, all stays as it was, however often it is tried.
 fn set_aside(
     storage: &dyn Storage,
     dir: &Path,
@@ -140,20 +178,53 @@ fn set_aside(
     why: &str,
     notes: &mut Vec<String>,
 ) -> Result<(), Trouble> {
-    let free = (1_u32..1_000_000)
-        .map(|number| dir.join(format!("ledger-{number}.damaged")))
-        .find(|name| matches!(storage.length(name), Err(e) if e.kind() == ErrorKind::NotFound));
-    let Some(aside) = free else {
-        return Ok(());
-    };
+    let temporary = write_empty(storage, dir, path)?;
     // A second name first, so that no cut leaves the folder without it.
-    storage
-        .link(path, &aside)
-        .and_then(|()| storage.sync_folder(dir))
-        .map_err(Trouble::at(&aside, "set the damaged ledger aside"))?;
+    let aside = second_name(storage, dir, path).inspect_err(|_| {
+        let _ = storage.remove(&temporary);
+    })?;
+    put(storage, dir, &temporary, path)?;
     notes.push(format!(
         "{why}; the ledger is kept as {}, a new one begun",
         aside.display()
     ));
-    begin(storage, dir, path)
+    Ok(())
+}
+
+/// A second name for the damaged ledger: the last that was given if it is of the same bytes, as an earlier run that did
+/// not come to its end leaves it; else a new one.
+fn second_name(storage: &dyn Storage, dir: &Path, path: &Path) -> Result<PathBuf, Trouble> {
+    let mut last = None;
+    for number in 1_u32.. {
+        let aside = dir.join(format!("ledger-{number}.damaged"));
+        match storage.length(&aside) {
+            Ok(_) => last = Some(aside),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                if let Some(last) = last.filter(|last| same_bytes(storage, path, last)) {
+                    return Ok(last);
+                }
+                return storage
+                    .link(path, &aside)
+                    .and_then(|()| storage.sync_folder(dir))
+                    .map(|()| aside.clone())
+                    .map_err(Trouble::at(&aside, "set the damaged ledger aside"));
+            }
+            Err(source) => return Err(Trouble::at(&aside, "set the damaged ledger aside")(source)),
+        }
+    }
+    let source = ErrorKind::AlreadyExists.into();
+    Err(Trouble::at(path, "set the damaged ledger aside")(source))
+}
+
+/// Whether two files hold the same; false where one can not be read.
+fn same_bytes(storage: &dyn Storage, one: &Path, other: &Path) -> bool {
+    let (Ok(length), Ok(as_long)) = (storage.length(one), storage.length(other)) else {
+        return false;
+    };
+    let mut pieces = (0..length).step_by(PIECE);
+    length == as_long
+        && pieces.all(|at| {
+            let piece = |path| storage.read_range(path, at, PIECE).ok();
+            piece(one).is_some_and(|bytes| Some(bytes) == piece(other))
+        })
 }

@@ -1,4 +1,4 @@
-//! Which records are never removed: those of a crash with a delta-V above 25 km/h.
+//! Which records are never removed: those of a crash with a delta-V above 25 km/h; and which go first ([`weakness`]).
 //!
 //! The figure is the resultant of the horizontal change of speed over the 150 ms (UN R160) or the 300 ms (49 CFR
 //! 563.5, "maximum delta-V") in which it is largest, from the record's own samples, with gravity, slope and bias taken
@@ -6,6 +6,8 @@
 //! lower bound, by as much as one half; the limit is then half as high. It follows from the record alone.
 
 use schema::Record;
+use schema::ledger::{Flags, Weak};
+use schema::parts::TriggerKind;
 use schema::units::MetersPerSecond;
 
 use crate::bins::BIN;
@@ -77,6 +79,33 @@ impl Severity {
     fn reach(&self) -> f64 {
         let factor = if self.clipped { 2.0 } else { 1.0 };
         self.delta_v.0 * factor
+    }
+}
+
+/// Whether a record gives way to those of crashes: it has triggers, and all are by hand or by a loss of power. It
+/// follows from the record alone.
+#[must_use]
+pub fn weakness(record: &Record) -> Weak {
+    let only = |kinds: &[TriggerKind]| {
+        let mut triggers = record.triggers.iter();
+        !record.triggers.is_empty() && triggers.all(|trigger| kinds.contains(&trigger.kind))
+    };
+    if only(&[TriggerKind::PowerLoss]) {
+        Weak::PowerLoss
+    } else if only(&[TriggerKind::PowerLoss, TriggerKind::Manual]) {
+        Weak::Yes
+    } else {
+        Weak::No
+    }
+}
+
+/// What the ledger is to say of a record.
+pub(super) fn flags(record: &Record, encrypted: bool, adopted: bool) -> Flags {
+    Flags {
+        locked: Severity::of(record).locks(),
+        encrypted,
+        adopted,
+        weak: weakness(record),
     }
 }
 

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use schema::header::Origin;
-use schema::ledger::{Entry, Flags, Kind};
+use schema::ledger::{Entry, Kind, Weak};
 use schema::{Record, SecretKey, num};
 
 use super::encrypt::Recipient;
 use super::ledger_file::{LedgerFile, Says};
-use super::lock::Severity;
+use super::lock;
 use super::room::RESERVE;
 use super::vault::{Held, PART, Pending, RESERVE_BYTES, Report, Stage, Vault};
 use super::{Trouble, name_of};
@@ -81,7 +81,7 @@ impl Vault {
         let unnamed = vault.take_stock(&entries, &mut left, &mut report);
         let settled = vault
             .finish_unnamed(unnamed, &mut left, &mut report)
-            .and_then(|()| vault.enter_key(&mut report))
+            .and_then(|()| vault.enter_key(Weak::No, &mut report))
             .and_then(|()| vault.finish_written(&mut left, &mut report))
             .and_then(|()| vault.adopt(&left, &mut report))
             .and_then(|()| vault.keep_rule(0, &mut report));
@@ -228,7 +228,8 @@ impl Vault {
     }
 
     /// Enters the key that signs from here on, if the ledger does not have it as the one in force.
-    pub(super) fn enter_key(&mut self, report: &mut Report) -> Result<(), Trouble> {
+    /// `weak`: that of the record it is entered for.
+    pub(super) fn enter_key(&mut self, weak: Weak, report: &mut Report) -> Result<(), Trouble> {
         let Some(key) = self.key.clone() else {
             return Ok(());
         };
@@ -246,7 +247,7 @@ impl Vault {
                         "the key is {public} and not {old}, which did not sign the change: nobody vouches for it (recorder key rotate)"
                     ),
                 }),
-                Err(trouble) if trouble.is_full() && self.make_room(0, report)? => {}
+                Err(trouble) if trouble.is_full() && self.make_room(0, weak, report)? => {}
                 Err(trouble) => return Err(trouble),
             }
         }
@@ -274,21 +275,11 @@ impl Vault {
             report
                 .notes
                 .push(format!("{name}: its sealing was finished"));
-            let locked = Severity::of(&record).locks();
+            let says = Says::sealed(&record, &seal, lock::flags(&record, false, false));
             self.pending = Some(Pending {
                 temporary,
-                held: Held {
-                    path: self.dir.join(name),
-                    number: record.header.number,
-                    utc_ns,
-                    sha256: seal.sha256,
-                    locked,
-                    encrypted: false,
-                },
-                flags: Flags {
-                    locked,
-                    ..Flags::default()
-                },
+                held: Held::new(self.dir.join(name), &says),
+                flags: says.flags,
                 seal,
                 stage: Stage::Written,
             });
@@ -318,18 +309,7 @@ impl Vault {
             }
         }
         for (number, (path, record, seal)) in found {
-            let flags = Flags {
-                locked: Severity::of(&record).locks(),
-                encrypted: false,
-                adopted: true,
-            };
-            let says = Says {
-                kind: Kind::Sealed,
-                flags,
-                number,
-                utc_ns: record.utc_ns(),
-                sha256: seal.sha256,
-            };
+            let says = Says::sealed(&record, &seal, lock::flags(&record, false, true));
             let key = self.key.as_ref();
             self.ledger.append(self.storage.as_ref(), says, key)?;
             report.notes.push(format!(
@@ -338,15 +318,7 @@ impl Vault {
             ));
             self.newest = (number, seal.sha256);
             self.events.insert(record.utc_ns(), number);
-            let held = Held {
-                path,
-                number,
-                utc_ns: record.utc_ns(),
-                sha256: seal.sha256,
-                locked: flags.locked,
-                encrypted: false,
-            };
-            self.held.insert(number, held);
+            self.held.insert(number, Held::new(path, &says));
         }
         // An envelope can not be looked into; its number is not used again.
         let envelopes = left
@@ -385,14 +357,14 @@ impl Vault {
 }
 
 fn held(entry: &Entry, path: PathBuf) -> Held {
-    Held {
-        path,
+    let says = Says {
+        kind: entry.kind,
+        flags: entry.flags,
         number: entry.number,
         utc_ns: entry.utc_ns,
         sha256: entry.sha256,
-        locked: entry.flags.locked,
-        encrypted: entry.flags.encrypted,
-    }
+    };
+    Held::new(path, &says)
 }
 
 fn lost(number: u64) -> String {

@@ -1,9 +1,14 @@
 //! Room in the vault: the keep rule, what goes on a full disk, the reserve.
+//!
+//! **Weak records** (by hand, loss of power) never push one of a crash out. While more than `keep` are there, those by a
+//! loss of power go down to [`MOST_POWER_LOSSES`], oldest first. Where an unlocked record is beyond the newest `keep`,
+//! the oldest weak one goes in its place. The newest record of all and locked ones stay. If none is left to go, records
+//! of crashes are counted without the weak ones: one more than `keep` may be there, until the next is sealed.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use schema::ledger::{Flags, Kind};
+use schema::ledger::{Flags, Kind, Weak};
 use schema::{Record, num};
 
 use super::Trouble;
@@ -15,21 +20,48 @@ pub(super) const RESERVE: &str = ".reserve";
 /// The reserve is written in pieces of so many bytes.
 const PIECE: usize = 64 * 1024;
 
+/// Of records by a loss of power alone so many are kept, where more than `keep` records are there.
+const MOST_POWER_LOSSES: usize = 2;
+
 impl Vault {
-    /// Removes unlocked records that are not among the newest `keep`, oldest first.
+    /// Removes unlocked records that are not among the newest `keep`, oldest first, weak ones before all others.
     pub(super) fn keep_rule(&mut self, utc_ns: i64, report: &mut Report) -> Result<(), Trouble> {
         loop {
-            let beyond = self.held.len().saturating_sub(self.keep);
-            let oldest = self.held.values().take(beyond).find(|held| !held.locked);
-            let Some(held) = oldest.cloned() else {
+            let Some(held) = self.surplus().cloned() else {
                 return Ok(());
             };
             self.give_up(&held, utc_ns, report)?;
         }
     }
 
-    /// Makes room on a full disk; false if nothing may go.
-    pub(super) fn make_room(&mut self, utc_ns: i64, report: &mut Report) -> Result<bool, Trouble> {
+    /// The next record that goes by the keep rule.
+    fn surplus(&self) -> Option<&Held> {
+        let all = || self.held.values();
+        let beyond = all().count().saturating_sub(self.keep);
+        if beyond == 0 {
+            return None;
+        }
+        let newest = all().next_back().map(|held| held.number);
+        let mut weak = all().filter(|held| gives_way(held) && Some(held.number) != newest);
+        let by_power_loss = |held: &&Held| gives_way(held) && held.weak == Weak::PowerLoss;
+        if all().filter(by_power_loss).count() > MOST_POWER_LOSSES {
+            return all().find(by_power_loss);
+        }
+        all().take(beyond).find(|held| !held.locked)?;
+        let crashes = || all().filter(|held| !gives_way(held));
+        let beyond = crashes().count().saturating_sub(self.keep);
+        let crash = || crashes().take(beyond).find(|held| !held.locked);
+        weak.next().or_else(crash)
+    }
+
+    /// Makes room on a full disk; false if nothing may go. `weak` is that of the record to be sealed: for a weak one
+    /// only weak ones go.
+    pub(super) fn make_room(
+        &mut self,
+        utc_ns: i64,
+        weak: Weak,
+        report: &mut Report,
+    ) -> Result<bool, Trouble> {
         if self.reserve {
             let path = self.reserve_path();
             self.storage
@@ -42,8 +74,10 @@ impl Vault {
                 .push("the disk is full: the reserve was given up".to_owned());
             return Ok(true);
         }
-        let oldest = self.held.values().find(|held| !held.locked).cloned();
-        let Some(held) = oldest else {
+        let unlocked = || self.held.values().filter(|held| !held.locked);
+        let crash = || unlocked().next().filter(|_| !weak.is_weak());
+        let oldest = unlocked().find(|held| gives_way(held)).or_else(crash);
+        let Some(held) = oldest.cloned() else {
             return Ok(false);
         };
         report.notes.push(format!(
@@ -137,4 +171,9 @@ impl Vault {
         file.sync()?;
         self.storage.sync_folder(&self.dir)
     }
+}
+
+/// It goes before the record of a crash does.
+fn gives_way(held: &Held) -> bool {
+    held.weak.is_weak() && !held.locked
 }

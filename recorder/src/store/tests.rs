@@ -5,6 +5,8 @@ mod support;
 
 mod cuts;
 mod faults;
+mod opening;
+mod weak;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,10 +16,10 @@ use schema::ledger::audit::{Audit, audit};
 use schema::ledger::{FILE_NAME, Kind};
 use schema::{Ledger, Record, SecretKey};
 
-use super::lock::Severity;
+use super::lock::{Severity, weakness};
 use super::vault::{Sealed, Vault};
 use super::{VaultError, rotate};
-use crate::storage::model::Model;
+use crate::storage::model::{Cut, Model};
 use crate::storage::{Disk, Storage};
 
 const DIR: &str = "/records";
@@ -88,6 +90,7 @@ fn assert_whole(storage: &dyn Storage, vault: &Vault) -> Audit {
         );
         assert_eq!(entered.sealed.utc_ns, record.utc_ns());
         assert_eq!(entered.sealed.flags.locked, Severity::of(&record).locks());
+        assert_eq!(entered.sealed.flags.weak, weakness(&record));
         let before = found.records.get(&(record.header.number - 1));
         let before = before.map_or([0; 32], |before| before.sealed.sha256);
         assert_eq!(record.header.previous_sha256, before);
@@ -352,7 +355,7 @@ fn an_encrypted_record_is_the_sealed_file_byte_for_byte_within() {
     let flags = schema::ledger::Flags {
         locked: true,
         encrypted: true,
-        adopted: false,
+        ..schema::ledger::Flags::default()
     };
     assert_eq!(ledger(&model).entries[1].flags, flags);
     let wrong = Vault::open(

@@ -7,11 +7,13 @@
 //! never depend on where the cut came.
 //!
 //! **Keep rule.** The newest `keep` records are kept, and every locked one ([`super::lock`]); the others go, oldest
-//! first. The ledger says so before a file goes.
+//! first, but weak ones (by hand, loss of power) before any of a crash, also from among the newest `keep`
+//! ([`super::room`]). The ledger says so before a file goes.
 //!
 //! **Disk full.** First the reserve is given up (a file of [`RESERVE_BYTES`], made anew when there is room), then
-//! unlocked records go, oldest first, also among the newest `keep`: a new record counts for more than an old one without
-//! a crash. If nothing can go the record is handed back in [`VaultError::Full`].
+//! weak records go, oldest first, then, for one of a crash, other unlocked ones, also among the newest `keep`: a new
+//! crash counts for more than an old and light one. If nothing can go the record is handed back in
+//! [`VaultError::Full`].
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -19,12 +21,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use schema::header::Origin;
-use schema::ledger::{Flags, Kind};
+use schema::ledger::{Flags, Kind, Weak};
 use schema::{PublicKey, Record, Seal, SecretKey, num};
 
 use super::encrypt::Recipient;
 use super::ledger_file::{LedgerFile, Says};
-use super::lock::Severity;
+use super::lock;
 use super::{Trouble, VaultError, name_of};
 use crate::storage::{Storage, Stored};
 
@@ -50,6 +52,23 @@ pub struct Held {
     pub locked: bool,
     /// Its file is an encrypted envelope.
     pub encrypted: bool,
+    /// It goes before the record of a crash does, unless it is locked.
+    pub weak: Weak,
+}
+
+impl Held {
+    /// The record of an entry.
+    pub(super) fn new(path: PathBuf, says: &Says) -> Self {
+        Self {
+            path,
+            number: says.number,
+            utc_ns: says.utc_ns,
+            sha256: says.sha256,
+            locked: says.flags.locked,
+            encrypted: says.flags.encrypted,
+            weak: says.flags.weak,
+        }
+    }
 }
 
 /// What became of a record.
@@ -159,7 +178,7 @@ impl Vault {
             let (held, seal) = self.earlier(number, utc_ns);
             return Ok((held, seal, true));
         }
-        self.enter_key(report)?;
+        self.enter_key(lock::weakness(record), report)?;
         record.header.number = self.newest.0 + 1;
         record.header.previous_sha256 = self.newest.1;
         record.header.origin = Origin::Live;
@@ -213,6 +232,7 @@ impl Vault {
     ) -> Result<Pending, Trouble> {
         let encrypted = self.recipient.is_some();
         let number = record.header.number;
+        let flags = lock::flags(record, encrypted, false);
         let name = self.free_name(utc_ns, number, encrypted);
         let temporary = self.dir.join(format!(".{name}{PART}"));
         let seal = loop {
@@ -221,28 +241,17 @@ impl Vault {
                 Err(trouble) => {
                     // What is left of it is in the way of the next try, or of nothing.
                     let _ = self.storage.remove(&temporary);
-                    if !trouble.is_full() || !self.make_room(utc_ns, report)? {
+                    if !trouble.is_full() || !self.make_room(utc_ns, flags.weak, report)? {
                         return Err(trouble);
                     }
                 }
             }
         };
-        let locked = Severity::of(record).locks();
+        let says = Says::sealed(record, &seal, flags);
         Ok(Pending {
             temporary,
-            held: Held {
-                path: self.dir.join(name),
-                number,
-                utc_ns,
-                sha256: seal.sha256,
-                locked,
-                encrypted,
-            },
-            flags: Flags {
-                locked,
-                encrypted,
-                adopted: false,
-            },
+            held: Held::new(self.dir.join(name), &says),
+            flags,
             seal,
             stage: Stage::Written,
         })
@@ -268,6 +277,7 @@ impl Vault {
     pub(super) fn finish(&mut self, utc_ns: i64, report: &mut Report) -> Result<(), Trouble> {
         while let Some(mut pending) = self.pending.clone() {
             let held = &pending.held;
+            let weak = held.weak;
             let stepped = match pending.stage {
                 Stage::Written => {
                     let says = Says {
@@ -299,7 +309,7 @@ impl Vault {
             };
             match stepped {
                 Ok(()) => self.pending = Some(pending),
-                Err(trouble) if trouble.is_full() && self.make_room(utc_ns, report)? => {}
+                Err(trouble) if trouble.is_full() && self.make_room(utc_ns, weak, report)? => {}
                 Err(trouble) => return Err(trouble),
             }
         }
@@ -315,6 +325,7 @@ impl Vault {
             sha256: [0; 32],
             locked: false,
             encrypted: false,
+            weak: Weak::No,
         };
         let held = self.held.get(&number).cloned().unwrap_or_else(gone);
         let seal = Seal {

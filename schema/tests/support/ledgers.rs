@@ -7,7 +7,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use schema::ledger::audit::audit;
-use schema::ledger::{ENTRY_BYTES, Entry, Flags, Kind, MAGIC};
+use schema::ledger::{ENTRY_BYTES, Entry, Flags, Kind, MAGIC, Weak};
 use schema::{Ledger, SecretKey};
 
 pub(crate) fn key(seed: u8) -> SecretKey {
@@ -50,7 +50,7 @@ pub(crate) fn new_key(new: &SecretKey, before: Option<&Entry>, by: &SecretKey) -
     entry.signed(before, Some(by))
 }
 
-/// A key, two records of which the first is removed and the second locked, a new key, a third record.
+/// A key, two records of which the first is removed and the second locked, a new key, a third record, which is weak.
 pub(crate) fn example() -> Vec<Entry> {
     let (old, new) = (key(1), key(2));
     let locked = Flags {
@@ -66,7 +66,11 @@ pub(crate) fn example() -> Vec<Entry> {
     };
     entries.push(removed.signed(entries.last(), Some(&old)));
     entries.push(new_key(&new, entries.last(), &old));
-    entries.push(sealed(3, entries.last(), Some(&new), Flags::default()));
+    let weak = Flags {
+        weak: Weak::PowerLoss,
+        ..Flags::default()
+    };
+    entries.push(sealed(3, entries.last(), Some(&new), weak));
     entries
 }
 

@@ -1,7 +1,6 @@
 //! A loss of power at any instant: from every state it may leave, the vault goes on.
 
 use super::*;
-use crate::storage::model::Cut;
 
 /// Seals some events with a crash among them under the keep rule; after which change each was acknowledged.
 fn run(model: &Model) -> Vec<(usize, Record)> {
