@@ -17,6 +17,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
+use nix::sched::{CpuSet, sched_setaffinity};
+use nix::unistd::Pid;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recorder::clock::realtime_ns;
@@ -167,8 +169,12 @@ struct Tally {
 }
 
 impl Tally {
-    /// Watches the machine.
-    fn watch(&self) {
+    /// Watches one processor of the machine.
+    fn watch(&self, processor: usize) {
+        let mut only = CpuSet::new();
+        only.set(processor).unwrap();
+        // Where that is not allowed it watches whichever it is given.
+        let _ = sched_setaffinity(Pid::from_raw(0), &only);
         while !self.over.load(Ordering::Relaxed) {
             let before = realtime_ns();
             thread::sleep(Duration::from_millis(1));
@@ -301,15 +307,20 @@ fn what_is_killed_loses_at_most_the_bound_and_every_event_is_sealed_once() {
             thread::spawn(move || worker(&place, runs, 82_000 + number, &tally))
         })
         .collect();
-    let watching = {
-        let tally = Arc::clone(&tally);
-        thread::spawn(move || tally.watch())
-    };
+    let processors = thread::available_parallelism().map_or(1, usize::from);
+    let watching: Vec<_> = (0..processors)
+        .map(|processor| {
+            let tally = Arc::clone(&tally);
+            thread::spawn(move || tally.watch(processor))
+        })
+        .collect();
     for worker in workers {
         worker.join().unwrap();
     }
     tally.over.store(true, Ordering::Relaxed);
-    watching.join().unwrap();
+    for watching in watching {
+        watching.join().unwrap();
+    }
     let stalled = tally.stalled.lock().unwrap();
     if !stalled.is_empty() {
         println!(

@@ -7,8 +7,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use schema::Record;
+use schema::ledger::Weak;
 
 use crate::error::RecorderError;
+use crate::store::lock::weakness;
 
 /// Records that wait for room on the disk at most; of more the newest are given up, and that is told.
 const MOST_WAITING: usize = 4;
@@ -153,16 +155,23 @@ fn work(
         let full = waiting.len() >= MOST_WAITING;
         match from.recv_timeout(AGAIN) {
             Ok(next) if full => {
+                // Of too many a weak one is given up, else the newest.
+                let weak = |(record, _): &(Record, Span)| weakness(record) != Weak::No;
+                let given_up = waiting.iter().position(weak);
+                if let Some(at) = given_up {
+                    waiting.remove(at);
+                    waiting.push_back(next);
+                }
                 let reason = format!("{MOST_WAITING} records wait for the disk already");
                 let _ = tell.send(Told::Lost { reason });
-                drop(next);
             }
             Ok(next) => waiting.push_back(next),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => open = false,
         }
-        while let Some((record, span_ns)) = waiting.pop_front() {
-            let mut reason = String::new();
+        // One that finds no room holds up none behind it: a crash makes room where a record by hand may not.
+        let mut reason = None;
+        for (record, span_ns) in std::mem::take(&mut waiting) {
             match keeper.seal(record) {
                 Ok(kept) => {
                     let _ = tell.send(Told::Sealed { span_ns, kept });
@@ -173,17 +182,15 @@ fn work(
                     });
                 }
                 Err(refused) => {
-                    waiting.push_front((refused.record, span_ns));
-                    reason = refused.reason;
+                    waiting.push_back((refused.record, span_ns));
+                    reason.get_or_insert(refused.reason);
                 }
             }
-            let count = waiting.len();
-            let stop = !reason.is_empty();
-            let _ = tell.send(Told::Waiting { count, reason });
-            if stop {
-                break;
-            }
         }
+        let _ = tell.send(Told::Waiting {
+            count: waiting.len(),
+            reason: reason.unwrap_or_default(),
+        });
         let _ = tell.send(Told::Room {
             stored: keeper.stored(),
             free_bytes: keeper.free_bytes(),
