@@ -158,6 +158,8 @@ fn verify(place: &Place) -> Vec<Record> {
 struct Tally {
     kills: AtomicU64,
     after_trigger: AtomicU64,
+    /// Killed before anything was recorded.
+    early: AtomicU64,
     recovered: AtomicU64,
     sealed: AtomicU64,
     losses: Mutex<Vec<(f64, bool)>>,
@@ -203,6 +205,7 @@ fn quantile(sorted: &[f64], part: f64) -> f64 {
 fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unfinished: Vec<i64> = Vec::new();
+    let mut before = 0;
     for _ in 0..runs {
         let mut child = place.start();
         // A third in the 2 s after the trigger, a third before it, the rest anywhere.
@@ -244,6 +247,12 @@ fn worker(place: &Place, runs: u64, seed: u64, tally: &Tally) {
                 tally.recovered.fetch_add(1, Ordering::Relaxed);
                 assert!(!record.completion.complete);
             }
+        }
+        // Killed before it began to write: what is there is the session before.
+        let session = recovered.found.session();
+        if std::mem::replace(&mut before, session) == session {
+            tally.early.fetch_add(1, Ordering::Relaxed);
+            continue;
         }
         // How much is lost: frames come each 10 ms at least, the whole time.
         let Some(last_ns) = recovered.last_ns.filter(|_| recovered.frames > 20) else {
@@ -294,8 +303,12 @@ fn what_is_killed_loses_at_most_the_bound_and_every_event_is_sealed_once() {
     };
     let kills = number("SVARTBOKS_KILLS", 50);
     let daemons = number("SVARTBOKS_KILL_DAEMONS", 6).min(kills);
-    let folder =
-        std::env::var_os("SVARTBOKS_KILL_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
+    let memory = PathBuf::from("/dev/shm");
+    let folder = if memory.is_dir() {
+        memory
+    } else {
+        std::env::temp_dir()
+    };
     let root = folder.join(format!("recorder-kill-{}", std::process::id()));
     let _ = fs::remove_dir_all(&root);
     let tally = Arc::new(Tally::default());
@@ -355,8 +368,9 @@ fn what_is_killed_loses_at_most_the_bound_and_every_event_is_sealed_once() {
         assert!(of[of.len() - 1] <= bound + FEED_MS);
     }
     println!(
-        "{} kills, {} of them while an event ran; {} unfinished events read back, {} records at the end, all verified",
+        "{} kills, {} of them before it recorded, {} while an event ran; {} unfinished events read back, {} records at the end, all verified",
         tally.kills.load(Ordering::Relaxed),
+        tally.early.load(Ordering::Relaxed),
         tally.after_trigger.load(Ordering::Relaxed),
         tally.recovered.load(Ordering::Relaxed),
         tally.sealed.load(Ordering::Relaxed)
