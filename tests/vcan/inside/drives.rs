@@ -322,7 +322,7 @@ fn whole_bus(lane: &Lane) {
 }
 
 fn event_in_trouble(lane: &Lane) {
-    let tail = "[ring]\nseconds = 30\npost_trigger_s = 14";
+    let tail = "[ring]\nseconds = 30\npost_trigger_s = 24";
     let mut daemon = Daemon::start(lane, &config(lane, "mapped", tail));
     let signals = Senders::start(lane, AT_REST);
     daemon.until("the ring fills", 30, |status| {
@@ -363,7 +363,7 @@ fn event_in_trouble(lane: &Lane) {
         next - record.first_index(),
         record.health.notes
     );
-    assert!(after >= 1400, "{after}");
+    assert!(after >= 2400, "{after}");
     assert_eq!(
         record.health.clock_steps.len(),
         2,

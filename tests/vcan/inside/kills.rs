@@ -33,7 +33,7 @@ const KILLS: usize = 17;
 /// What is played: a crash each round, s; no daemon is started any more after `START_S`.
 const ROUND_S: u32 = 6;
 const PLAYED_S: u32 = 105;
-const START_S: f64 = 64.0;
+const START_S: f64 = 60.0;
 /// After the trigger, s.
 const POST_S: f64 = 3.0;
 /// A cut loses at most so much, ms; and while an event runs.
