@@ -186,7 +186,8 @@ impl Pipeline<'_> {
     }
 
     /// True while every frame may be one of a crash: an event runs, or a frame of the last second had more than 1 g
-    /// beside gravity. A trigger is decided 60 ms after the sample that it fires in; this is known at once.
+    /// beside gravity. A trigger is decided 60 ms after the sample that it fires in, this as soon as the
+    /// frame has its place, some periods of the sensor later.
     #[must_use]
     pub fn alert(&self) -> bool {
         let sharp = self.sampler.sharp_ns();
