@@ -7,13 +7,12 @@ mod support;
 use std::alloc::System;
 use std::sync::Arc;
 
-use recorder::can::{Frame, FrameSource, Interfaces};
+use recorder::can::Frame;
 use recorder::config::Settings;
-use recorder::log_source::{LogInput, Merged};
 use recorder::pipeline::Pipeline;
 use recorder::spool::{Entry, Journal};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use support::{Log, etc};
+use support::{Log, etc, frames};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -25,19 +24,7 @@ fn a_frame_allocates_nothing_once_the_ring_is_full() {
     let settings = Arc::new(Settings::load(&etc().join("recorder.toml")).unwrap());
     let mut log = Log::default();
     log.steady(0.0, 120.0, 1000.0, 60.0);
-    let reader: Box<dyn std::io::Read> = Box::new(std::io::Cursor::new(log.text().into_bytes()));
-    let names = ["can0".to_owned()];
-    let interfaces = Interfaces::new(&names, &[]).unwrap();
-    let mut source = Merged::open(
-        vec![LogInput::Reader("log".to_owned(), reader)],
-        &interfaces,
-    )
-    .unwrap();
-    let mut frames = Vec::new();
-    let mut frame = Frame::empty();
-    while source.next_frame(&mut frame).unwrap() {
-        frames.push(frame);
-    }
+    let frames = frames(&log.text());
 
     let mut pipeline = Pipeline::new(Arc::clone(&settings), &[], None);
     let mut journal = Journal::new();

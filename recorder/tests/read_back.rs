@@ -8,9 +8,8 @@ mod support;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use recorder::can::{Frame, FrameSource, Interfaces};
+use recorder::can::Frame;
 use recorder::config::Settings;
-use recorder::log_source::{LogInput, Merged};
 use recorder::pipeline::Pipeline;
 use recorder::recovery::{Recovered, recover};
 use recorder::spool::{Entry, Journal, SpoolFile, bundles, scan};
@@ -40,19 +39,7 @@ fn frames(until_s: u32, hits: &[f64], kmh: f64) -> Vec<Frame> {
         log.rate(t + 0.0002, [0.0; 3], u64::from(number));
         log.wheels(t + 0.0004, if moving { kmh } else { 0.0 });
     }
-    let reader: Box<dyn std::io::Read> = Box::new(std::io::Cursor::new(log.text().into_bytes()));
-    let interfaces = Interfaces::new(&["can0".to_owned()], &[]).unwrap();
-    let mut log = Merged::open(
-        vec![LogInput::Reader("log".to_owned(), reader)],
-        &interfaces,
-    )
-    .unwrap();
-    let mut found = Vec::new();
-    let mut frame = Frame::empty();
-    while log.next_frame(&mut frame).unwrap() {
-        found.push(frame);
-    }
-    found
+    support::frames(&log.text())
 }
 
 fn at(seconds: f64) -> i64 {

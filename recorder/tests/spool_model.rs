@@ -8,9 +8,8 @@ mod support;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use recorder::can::{Frame, FrameSource, Interfaces};
+use recorder::can::Frame;
 use recorder::config::{Bundle, Settings};
-use recorder::log_source::{LogInput, Merged};
 use recorder::pipeline::Pipeline;
 use recorder::recovery::{Recovered, recover};
 use recorder::spool::{Entry, Journal, SpoolFile, bundles, scan};
@@ -18,7 +17,7 @@ use recorder::storage::Storage;
 use recorder::storage::model::{Cut, Model};
 use schema::parts::TriggerKind;
 use schema::{Record, num};
-use support::{EPOCH, Log, etc};
+use support::{EPOCH, Log, etc, frames};
 
 const CRASH_S: f64 = 3.0;
 /// In samples of 10 ms.
@@ -50,27 +49,6 @@ fn crash_log() -> String {
         }
     }
     log.text()
-}
-
-fn frames(settings: &Settings, text: &str) -> Vec<Frame> {
-    let names: Vec<String> = settings
-        .buses
-        .iter()
-        .map(|bus| bus.interface.clone())
-        .collect();
-    let interfaces = Interfaces::new(&names, &[]).unwrap();
-    let reader: Box<dyn std::io::Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
-    let mut log = Merged::open(
-        vec![LogInput::Reader("log".to_owned(), reader)],
-        &interfaces,
-    )
-    .unwrap();
-    let mut found = Vec::new();
-    let mut frame = Frame::empty();
-    while log.next_frame(&mut frame).unwrap() {
-        found.push(frame);
-    }
-    found
 }
 
 /// What was known to be durable when so many changes of the file system had been made.
@@ -207,7 +185,7 @@ fn code_rows(record: &Record) -> Vec<(i64, schema::Codes)> {
 #[test]
 fn whatever_was_synchronised_is_read_back_after_any_cut() {
     let settings = Arc::new(Settings::load(&etc().join("recorder.toml")).unwrap());
-    let frames = frames(&settings, &crash_log());
+    let frames = frames(&crash_log());
     // Fewer blocks than flushes: the circle comes round while the event runs.
     let recording = record(&settings, &frames, 700);
     let [quiet, event] = recording.oldest_unsynced_ms;
@@ -286,7 +264,7 @@ fn whatever_was_synchronised_is_read_back_after_any_cut() {
 #[test]
 fn a_crash_whose_trigger_was_not_decided_yet_is_found() {
     let settings = Arc::new(Settings::load(&etc().join("recorder.toml")).unwrap());
-    let all = frames(&settings, &crash_log());
+    let all = frames(&crash_log());
     let contact = EPOCH * 1000 * MS + num::round_i64(CRASH_S * 1e9);
     let mut found_after = i64::MAX;
     for after_ms in (20..200).step_by(5) {
@@ -327,7 +305,7 @@ fn a_spool_of_any_bytes_is_read_without_harm() {
     use rand::{RngExt, SeedableRng};
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(83_001);
     let settings = Arc::new(Settings::load(&etc().join("recorder.toml")).unwrap());
-    let all = frames(&settings, &crash_log());
+    let all = frames(&crash_log());
     let recording = record(&settings, &all[..1500], 300);
     let path = spool_path();
     for round in 0..300 {

@@ -163,10 +163,10 @@ impl Daemon {
     fn flush(&mut self, now: i64) {
         let clock = monotonic_ns();
         let due = clock - self.flushed_ns >= self.flush_interval() || self.urgent;
-        if self.syncer.is_none() || !due {
+        if !due {
             return;
         }
-        if self.journal.is_empty() {
+        if self.syncer.is_none() || self.journal.is_empty() {
             self.flushed_ns = clock;
             return;
         }

@@ -11,10 +11,12 @@
 
 use std::cell::RefCell;
 use std::fmt::Write as _;
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
+use recorder::can::{Frame, FrameSource, Interfaces};
 use recorder::config::Settings;
+use recorder::log_source::Merged;
 use recorder::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
 use schema::{Record, Sample, num};
 
@@ -161,4 +163,18 @@ pub fn try_run(
 
 pub fn run(settings: &Settings, text: impl Into<Vec<u8>>, trigger_at: &[f64]) -> Run {
     try_run(settings, text, trigger_at).unwrap()
+}
+
+/// The frames of a log on `can0`.
+pub fn frames(text: &str) -> Vec<Frame> {
+    let reader: Box<dyn Read> = Box::new(Cursor::new(text.as_bytes().to_vec()));
+    let interfaces = Interfaces::new(&["can0".to_owned()], &[]).unwrap();
+    let input = LogInput::Reader("log".to_owned(), reader);
+    let mut log = Merged::open(vec![input], &interfaces).unwrap();
+    let mut found = Vec::new();
+    let mut frame = Frame::empty();
+    while log.next_frame(&mut frame).unwrap() {
+        found.push(frame);
+    }
+    found
 }
