@@ -1,7 +1,5 @@
 //! `recorder check`: is the configuration valid, and does each mapped signal arrive, how often, with which noise?
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,6 +12,7 @@ use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::event::{GROUP_NAMES, GroupState};
 use crate::live::{LiveSource, Note};
+use crate::moments::Moments;
 use crate::pipeline::{Pipeline, Totals};
 use crate::replay::{LogInput, ReplayOptions, replay};
 use crate::rest::{Rest, RestLimits};
@@ -47,38 +46,55 @@ pub struct CheckReport {
     pub warnings: Vec<String>,
 }
 
-/// Sums over the samples at rest.
-#[derive(Clone, Copy, Default)]
-struct Noise {
-    count: [f64; 6],
-    mean: [f64; 6],
-    square: [f64; 6],
+/// The settings with no trigger: a check seals nothing.
+fn quiet(settings: &Settings) -> Settings {
+    let mut quiet = settings.clone();
+    quiet.trigger.peak = None;
+    quiet.trigger.delta_v = None;
+    quiet.trigger.can.clear();
+    quiet
 }
 
-impl Noise {
-    fn add(&mut self, sample: &Sample) {
-        let sums = self
-            .count
-            .iter_mut()
-            .zip(&mut self.mean)
-            .zip(&mut self.square);
-        for (((count, mean), square), value) in sums.zip(sample.accel.iter().chain(&sample.rate)) {
+/// What the samples told.
+struct Seen {
+    limits: RestLimits,
+    rest: Rest,
+    noise: [Moments; 6],
+    samples: u64,
+    at_rest: u64,
+}
+
+impl Seen {
+    fn new(settings: &Settings) -> Self {
+        Self {
+            limits: Rules::of(settings).rest,
+            rest: Rest::default(),
+            noise: [Moments::default(); 6],
+            samples: 0,
+            at_rest: 0,
+        }
+    }
+
+    fn sample(&mut self, sample: &Sample) {
+        self.samples += 1;
+        self.rest = self.rest.step(sample, &self.limits);
+        if !self.rest.at_rest() {
+            return;
+        }
+        self.at_rest += 1;
+        let values = sample.accel.iter().chain(&sample.rate);
+        for (moments, value) in self.noise.iter_mut().zip(values) {
             if let Some(value) = value {
-                // Welford's update keeps its digits where the mean is large.
-                *count += 1.0;
-                let off = value - *mean;
-                *mean += off / *count;
-                *square += off * (value - *mean);
+                moments.add(*value);
             }
         }
     }
 
-    fn largest(&self, axes: std::ops::Range<usize>) -> Option<f64> {
-        let sds = axes.filter_map(|axis| {
-            let (count, square) = (self.count.get(axis)?, self.square.get(axis)?);
-            (*count > 50.0).then(|| (square / (count - 1.0)).sqrt())
-        });
-        sds.reduce(f64::max)
+    /// The largest noise at rest of these axes; `None` without rest.
+    fn noise(&self, axes: std::ops::Range<usize>) -> Option<f64> {
+        let axes = self.noise.get(axes).unwrap_or_default().iter();
+        let enough = axes.filter(|moments| moments.count() > 50.0);
+        enough.map(Moments::sd).reduce(f64::max)
     }
 }
 
@@ -92,38 +108,17 @@ pub fn check(
     map: Vec<(String, String)>,
     seconds: Option<f64>,
 ) -> Result<CheckReport, RecorderError> {
-    let mut quiet = settings.clone();
-    quiet.trigger.peak = None;
-    quiet.trigger.delta_v = None;
-    quiet.trigger.can.clear();
-    let limits: RestLimits = Rules::of(settings).rest;
-    let (mut rest, mut noise, mut at_rest, mut seen) =
-        (Rest::default(), Noise::default(), 0_u64, 0_u64);
-    let outcome = {
-        let observer = Box::new(|_: u64, sample: &Sample| {
-            seen += 1;
-            rest = rest.step(sample, &limits);
-            if rest.at_rest() {
-                at_rest += 1;
-                noise.add(sample);
-            }
-        });
-        replay(
-            &quiet,
-            inputs,
-            ReplayOptions {
-                map,
-                stop_after: seconds,
-                observer: Some(observer),
-                ..ReplayOptions::default()
-            },
-        )?
-    };
-    let seen = Seen {
-        noise,
-        samples: seen,
-        at_rest,
-    };
+    let mut seen = Seen::new(settings);
+    let outcome = replay(
+        &quiet(settings),
+        inputs,
+        ReplayOptions {
+            map,
+            stop_after: seconds,
+            observer: Some(Box::new(|_, sample| seen.sample(sample))),
+            ..ReplayOptions::default()
+        },
+    )?;
     Ok(report(
         settings,
         outcome.groups,
@@ -142,23 +137,9 @@ pub fn check_live(
     source: &mut dyn LiveSource,
     seconds: f64,
 ) -> Result<CheckReport, RecorderError> {
-    let mut quiet = settings.clone();
-    quiet.trigger.peak = None;
-    quiet.trigger.delta_v = None;
-    quiet.trigger.can.clear();
-    let limits: RestLimits = Rules::of(settings).rest;
-    let state = Rc::new(RefCell::new((Rest::default(), Seen::default())));
-    let shared = Rc::clone(&state);
-    let observer = Box::new(move |_: u64, sample: &Sample| {
-        let (rest, seen) = &mut *shared.borrow_mut();
-        seen.samples += 1;
-        *rest = rest.step(sample, &limits);
-        if rest.at_rest() {
-            seen.at_rest += 1;
-            seen.noise.add(sample);
-        }
-    });
-    let mut pipeline = Pipeline::new(Arc::new(quiet), &[], Some(observer));
+    let mut seen = Seen::new(settings);
+    let observer = Box::new(|_: u64, sample: &Sample| seen.sample(sample));
+    let mut pipeline = Pipeline::new(Arc::new(quiet(settings)), &[], Some(observer));
     let until = source
         .now_ns()
         .saturating_add(num::round_i64(seconds * 1e9));
@@ -190,22 +171,9 @@ pub fn check_live(
         warn(interface.error_frames, "error frames");
         warn(u64::from(!interface.up), "(down)");
     }
-    let (_, seen) = &*state.borrow();
-    Ok(report(
-        settings,
-        pipeline.groups(),
-        &pipeline.totals(),
-        &health,
-        seen,
-    ))
-}
-
-/// What the samples told.
-#[derive(Default)]
-struct Seen {
-    noise: Noise,
-    samples: u64,
-    at_rest: u64,
+    let (groups, totals) = (pipeline.groups(), pipeline.totals());
+    drop(pipeline);
+    Ok(report(settings, groups, &totals, &health, &seen))
 }
 
 fn report(
@@ -215,7 +183,6 @@ fn report(
     source: &SourceHealth,
     seen: &Seen,
 ) -> CheckReport {
-    let noise = &seen.noise;
     let wanted = if settings.wheels.present { 4 } else { 2 };
     let mut warnings = Vec::new();
     let mut signals = Vec::new();
@@ -234,8 +201,8 @@ fn report(
             },
             jitter_ms: state.jitter / 1e6,
             noise_at_rest: match group {
-                0 => noise.largest(0..3),
-                1 => noise.largest(3..6).map(f64::to_degrees),
+                0 => seen.noise(0..3),
+                1 => seen.noise(3..6).map(f64::to_degrees),
                 _ => None,
             },
         });

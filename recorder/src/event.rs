@@ -210,7 +210,7 @@ impl Event {
             },
             interfaces: facts
                 .as_ref()
-                .map_or_else(|| names(settings), |facts| facts.interfaces.clone()),
+                .map_or_else(|| interfaces(settings), |facts| facts.interfaces.clone()),
             clock: Clock {
                 offset_ns: self.offset_ns,
                 ..facts.map_or(LOG_CLOCK, |facts| facts.clock)
@@ -280,7 +280,8 @@ const LOG_CLOCK: Clock = Clock {
     leap_second: false,
 };
 
-fn names(settings: &Settings) -> Vec<Interface> {
+/// The configured interfaces, with no offset of their clocks known.
+pub(crate) fn interfaces(settings: &Settings) -> Vec<Interface> {
     let interface = |bus: &crate::config::Bus| Interface {
         name: bus.interface.clone(),
         offset_ns: 0,

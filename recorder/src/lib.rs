@@ -33,6 +33,7 @@ pub mod keys;
 pub mod level;
 pub mod live;
 pub mod log_source;
+pub mod moments;
 pub mod pace;
 pub mod pipeline;
 pub mod plan;

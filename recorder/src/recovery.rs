@@ -9,7 +9,7 @@ use schema::header::{Clock, ClockSource, Interface};
 
 use crate::config::Settings;
 use crate::error::RecorderError;
-use crate::event::Facts;
+use crate::event::{Facts, interfaces};
 use crate::pipeline::Pipeline;
 use crate::spool::{self, Entry, Found};
 use crate::storage::Storage;
@@ -36,8 +36,6 @@ pub struct Recovered {
     pub last_ns: Option<i64>,
     /// The recorder was stopped on purpose.
     pub ended: bool,
-    /// The car was at rest at the end, as far as the samples tell.
-    pub at_rest: bool,
     /// What could not be read, one sentence each.
     pub notes: Vec<String>,
     /// Frames are there whose settings are not: they can not be understood.
@@ -182,12 +180,7 @@ impl Reader<'_> {
             }
         };
         self.bundle = *bundle;
-        let name = |bus: &crate::config::Bus| Interface {
-            name: bus.interface.clone(),
-            offset_ns: 0,
-            uncertainty_ns: None,
-        };
-        self.interfaces = settings.buses.iter().map(name).collect();
+        self.interfaces = interfaces(&settings);
         match &mut self.pipeline {
             Some(pipeline) => pipeline.reconfigure(settings, at_ns),
             None => {
@@ -227,7 +220,6 @@ impl Reader<'_> {
         if let (Some(pipeline), Some(last_ns)) = (&mut self.pipeline, self.out.last_ns) {
             pipeline.tick(last_ns);
             pipeline.settle();
-            self.out.at_rest = pipeline.at_rest();
             if !self.out.ended {
                 pipeline.power_lost();
             }

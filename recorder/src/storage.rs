@@ -94,6 +94,15 @@ pub trait Storage: Send + Sync {
     fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
 }
 
+/// A file beside another: its whole name, a point and an ending.
+#[must_use]
+pub fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    PathBuf::from(name)
+}
+
 /// The real one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Disk;

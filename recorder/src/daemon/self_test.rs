@@ -5,6 +5,7 @@ use schema::Sample;
 use schema::units::STANDARD_GRAVITY;
 
 use crate::config::Settings;
+use crate::moments::Moments;
 use crate::rest::{Rest, RestLimits};
 use crate::trigger::Rules;
 
@@ -28,26 +29,6 @@ const ANY_BIAS: f64 = 100.0;
 /// Largest noise at rest that a working sensor has, m/s^2 and rad/s: an idling engine shakes one by 0.65 m/s^2.
 const NOISY_ACCEL: f64 = 3.0;
 const NOISY_RATE: f64 = 0.1;
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Moments {
-    count: f64,
-    mean: f64,
-    square: f64,
-}
-
-impl Moments {
-    fn add(&mut self, value: f64) {
-        self.count += 1.0;
-        let delta = value - self.mean;
-        self.mean += delta / self.count;
-        self.square += delta * (value - self.mean);
-    }
-
-    fn sd(&self) -> f64 {
-        (self.square / (self.count - 1.0).max(1.0)).max(0.0).sqrt()
-    }
-}
 
 /// Exactly one value, how often in a row.
 #[derive(Clone, Copy, Debug)]
@@ -218,17 +199,17 @@ impl SelfTest {
     }
 
     fn noise(&self, findings: &mut Vec<Finding>) {
-        if self.gravity.count < ENOUGH {
+        if self.gravity.count() < ENOUGH {
             findings.push(Finding::Unknown(
                 "noise and gravity: the car was not at rest for 3 s".to_owned(),
             ));
             return;
         }
-        let off = self.gravity.mean - STANDARD_GRAVITY;
+        let off = self.gravity.mean() - STANDARD_GRAVITY;
         let allowed = 0.1 + 3.0 * self.accel_bias;
         let text = format!(
             "gravity at rest {:.3} m/s^2, {off:+.3} from the standard (allowed {allowed:.2})",
-            self.gravity.mean
+            self.gravity.mean()
         );
         findings.push(if off.abs() <= allowed {
             Finding::Good(text)

@@ -34,7 +34,7 @@ use crate::recovery::{Recovered, recover};
 use crate::replay::LogInput;
 use crate::socket::Sockets;
 use crate::spool::{self, Found, Journal, SpoolFile, Syncer};
-use crate::storage::{Disk, Storage};
+use crate::storage::{Disk, Storage, beside};
 use crate::store::RESERVE_BYTES;
 
 /// What `recorder run` is asked for.
@@ -239,14 +239,6 @@ fn read_back(storage: &dyn Storage, settings: &Settings) -> Recovered {
 /// Times that a spool is tried to be read.
 const MOST_TRIES: u32 = 3;
 
-/// A file beside another: its name and an ending.
-fn beside(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".");
-    name.push(ending);
-    PathBuf::from(name)
-}
-
 /// Gives a spool that can not be read another name, where it stays for somebody to look into.
 fn set_aside(storage: &dyn Storage, spool: &Path, why: &str) {
     let free = (1..1000)
@@ -264,18 +256,15 @@ fn set_aside(storage: &dyn Storage, spool: &Path, why: &str) {
     }
 }
 
-/// Seals what was unfinished; gives back what found no room, with its first and last trigger.
+/// Seals what was unfinished; gives back what found no room, with the time of its first trigger.
 fn seal_recovered(
     recovered: &mut Recovered,
     keeper: &mut dyn Keeper,
 ) -> VecDeque<(schema::Record, Span)> {
     let mut left = VecDeque::new();
     for record in std::mem::take(&mut recovered.records) {
-        let at = |trigger: Option<&schema::parts::Trigger>| {
-            let monotonic_ns = trigger.map_or(0, |trigger| trigger.monotonic_ns);
-            monotonic_ns.saturating_add(record.header.clock.offset_ns)
-        };
-        let span = (at(record.triggers.first()), at(record.triggers.last()));
+        // In UTC: the session that its line was of is over, and the spool of the next knows nothing of it.
+        let span = (record.utc_ns(), record.utc_ns());
         match keeper.seal(record) {
             Ok(kept) => {
                 tracing::warn!(path = %kept.path.display(), "an unfinished event was sealed");

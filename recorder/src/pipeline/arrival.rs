@@ -68,10 +68,7 @@ impl Pipeline<'_> {
                 self.totals.late += 1;
             }
         }
-        let Some(time) = self.time else { return };
-        self.sampler.flush(time.now_ns(), &mut self.out);
-        self.drain();
-        self.end("the log ended");
+        self.cut("the log ended");
     }
 
     /// Seals what runs.

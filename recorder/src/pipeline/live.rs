@@ -200,12 +200,6 @@ impl Pipeline<'_> {
         self.state.running()
     }
 
-    /// True after two seconds of rest.
-    #[must_use]
-    pub fn at_rest(&self) -> bool {
-        self.state.at_rest()
-    }
-
     /// The newest time on the line, ns; `None` before the first frame.
     #[must_use]
     pub fn line_ns(&self) -> Option<i64> {
@@ -287,10 +281,7 @@ impl Pipeline<'_> {
     pub fn reconfigure(&mut self, settings: Arc<Settings>, line_ns: i64) {
         let digest = schema::seal::Hex(&self.settings.config_sha256).to_string();
         // Under the old rules first: what is decided now belongs to them.
-        if let Some(time) = self.time {
-            self.sampler.flush(time.now_ns(), &mut self.out);
-            self.drain();
-        }
+        self.settle();
         self.rules = Rules::of(&settings);
         self.rules.muted = self.recovering.is_some();
         self.sampler = Sampler::new(&settings.plan, settings.mounting, settings.trigger.peak);

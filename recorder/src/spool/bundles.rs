@@ -6,17 +6,15 @@ use schema::seal::Hex;
 
 use crate::config::Bundle;
 use crate::error::RecorderError;
-use crate::storage::Storage;
+use crate::storage::{Storage, beside};
 
 /// Bundles of earlier sessions that are kept: names say nothing of age, so enough for any number of reloads.
 const KEPT: usize = 64;
 
 /// The file of a bundle: `SPOOL.DIGEST.settings`, the first eight bytes of the digest.
 fn place(spool: &Path, digest: &[u8; 32]) -> PathBuf {
-    let mut name = spool.as_os_str().to_owned();
     let short = digest.get(..8).unwrap_or_default();
-    name.push(format!(".{}.settings", Hex(short)));
-    PathBuf::from(name)
+    beside(spool, &format!("{}.settings", Hex(short)))
 }
 
 /// Stores a bundle, durably, and forgets the oldest ones.
@@ -40,9 +38,7 @@ pub fn store(
     if there.is_ok_and(|there| there == bytes) {
         return Ok(digest);
     }
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".part");
-    let temporary = PathBuf::from(temporary);
+    let temporary = beside(&path, "part");
     let mut file = storage.create(&temporary).map_err(error("create"))?;
     file.write_at(0, &bytes).map_err(error("write"))?;
     file.sync().map_err(error("synchronise"))?;

@@ -1,6 +1,5 @@
 //! What stands in the spool, entry by entry. Little-endian; times of frames relative to their block's base.
 
-use schema::num;
 use schema::parts::TriggerKind;
 
 use crate::can::{Frame, MAX_DATA};
@@ -337,12 +336,6 @@ impl Iterator for Entries<'_> {
 pub(super) const LARGEST: usize = 1 + 8 + 2 + LONGEST_TEXT;
 
 const _: () = assert!(LARGEST >= FRAME_HEAD + MAX_DATA);
-
-/// For the bound of what one block can hold.
-#[must_use]
-pub(super) fn frames_of(bytes: usize) -> u64 {
-    num::u64_of(bytes / (FRAME_HEAD + 8))
-}
 
 #[cfg(test)]
 mod tests {

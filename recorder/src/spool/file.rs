@@ -1,7 +1,7 @@
 //! The spool's file: laid out once, written block by block, read after a cut.
 
 use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use schema::num;
@@ -9,7 +9,7 @@ use schema::num;
 use super::block::{self, BLOCK_BYTES, Head};
 use super::entry::Entry;
 use crate::error::RecorderError;
-use crate::storage::{Storage, Stored};
+use crate::storage::{Storage, Stored, beside};
 
 /// Blocks that are read or zeroed at a time.
 const AT_ONCE: u64 = 64;
@@ -230,7 +230,7 @@ impl SpoolFile {
 /// Fills the file with zeros beside it and gives it its name.
 fn lay_out(storage: &dyn Storage, path: &Path, blocks: u64) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let temporary = temporary(path);
+    let temporary = beside(path, "part");
     storage.create_folder(folder)?;
     let mut file = storage.create(&temporary)?;
     let zeros = vec![0; num::usize_of(offset(AT_ONCE))];
@@ -253,10 +253,4 @@ fn lay_out(storage: &dyn Storage, path: &Path, blocks: u64) -> io::Result<()> {
         return Err(error);
     }
     storage.sync_folder(folder)
-}
-
-fn temporary(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".part");
-    PathBuf::from(name)
 }

@@ -2,7 +2,7 @@
 
 use crate::can::Frame;
 
-use super::block::{self, BLOCK_BYTES, HEAD_BYTES};
+use super::block::{self, BLOCK_BYTES};
 use super::entry::{self, Entry};
 
 /// Blocks that wait in memory at most (4 MiB), then frames are left out and counted.
@@ -118,10 +118,4 @@ impl Journal {
         empty.clear();
         std::mem::replace(&mut self.bytes, empty)
     }
-}
-
-/// Frames of eight bytes that a block holds.
-#[must_use]
-pub fn frames_a_block() -> u64 {
-    entry::frames_of(BLOCK_BYTES - HEAD_BYTES)
 }

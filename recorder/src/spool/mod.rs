@@ -26,7 +26,7 @@ pub mod wear;
 
 pub use entry::Entry;
 pub use file::{Found, SpoolFile, last_of, read_session, scan};
-pub use journal::{Journal, frames_a_block};
+pub use journal::Journal;
 pub use syncer::{FlushState, Moment, Recent, Syncer};
 
 use schema::sample::SAMPLE_NS;

@@ -33,8 +33,6 @@ pub struct FlushState {
     pub longest_ns: i64,
     /// Flushes that failed.
     pub errors: u64,
-    /// How the last one failed.
-    pub last_error: Option<String>,
     /// Durations of the last flushes.
     durations: Recent,
     /// How old the oldest frame of a flush was when it was durable: what a cut just before would have lost.
@@ -186,10 +184,7 @@ impl Syncer {
                             state.add(&batch, done_ns.saturating_sub(started), done_ns);
                             break;
                         }
-                        Err(error) => {
-                            state.errors += 1;
-                            state.last_error = Some(error.to_string());
-                        }
+                        Err(_) => state.errors += 1,
                     }
                     drop(state);
                     left -= 1;
@@ -269,12 +264,6 @@ impl Syncer {
     #[must_use]
     pub fn state(&self) -> FlushState {
         lock(&self.state).clone()
-    }
-
-    /// All frames up to this time are durable, ns on the line.
-    #[must_use]
-    pub fn durable_ns(&self) -> i64 {
-        lock(&self.state).durable_ns
     }
 }
 
