@@ -41,7 +41,7 @@ impl Geometry {
 }
 
 /// Component of the velocity along body axis `axis`, and its sensitivity to the errors.
-fn velocity_along(nav: &Nav9, axis: usize) -> (f64, SVector<f64, STATES>) {
+pub(crate) fn velocity_along(nav: &Nav9, axis: usize) -> (f64, SVector<f64, STATES>) {
     let a: Vector3<f64> = nav.c_nb.m.column(axis).into_owned();
     let v = &nav.v_n.v;
     let mut h = SVector::<f64, STATES>::zeros();

@@ -69,13 +69,13 @@ pub struct Noise {
 
 /// What the considered errors drive: columns of `B` in `v' = .. + B_v c` and `psi' = .. + B_psi c`. Columns up
 /// to and with [`MOUNT_YAW`] drive the velocity, those from it up to [`WHEEL`] the angles.
-struct Drive {
-    velocity: [Vector3<f64>; MOUNT_YAW + 1],
-    angle: [Vector3<f64>; WHEEL - MOUNT_YAW],
+pub(crate) struct Drive {
+    pub(crate) velocity: [Vector3<f64>; MOUNT_YAW + 1],
+    pub(crate) angle: [Vector3<f64>; WHEEL - MOUNT_YAW],
 }
 
 impl Drive {
-    fn new(c: &Rot<Nav, Body>, f_b: &Vec3<Body>, w_b: &Vec3<Body>) -> Self {
+    pub(crate) fn new(c: &Rot<Nav, Body>, f_b: &Vec3<Body>, w_b: &Vec3<Body>) -> Self {
         let [x, y, z]: [Vector3<f64>; 3] = [0, 1, 2].map(|i| c.m.column(i).into_owned());
         let (f, w) = (&f_b.v, &w_b.v);
         Self {

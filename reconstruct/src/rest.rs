@@ -136,6 +136,70 @@ pub fn find(epochs: &Epochs, gravity: f64) -> RestInterval {
     }
 }
 
+/// A stand before the final rest, at lights for example: quiet sensors and wheels that were heard and did not turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stand {
+    /// Its epochs in recording order, the rocking at both ends left out.
+    pub range: std::ops::Range<usize>,
+    /// Length, s.
+    pub seconds: f64,
+    /// Mean specific force, m/s^2.
+    pub accel: Vector3<f64>,
+    /// Mean rate, rad/s.
+    pub rate: Vector3<f64>,
+}
+
+/// Step between the windows in which a stand is looked for, s.
+const STAND_STEP_S: f64 = 0.1;
+/// Left out at both ends of a stand, s.
+const STAND_TRIM_S: f64 = 0.4;
+/// Shortest stand, s.
+const STAND_S: f64 = 0.5;
+
+/// Every stand before epoch `end`, in order of time.
+#[must_use]
+pub fn stands(epochs: &Epochs, gravity: f64, end: usize) -> Vec<Stand> {
+    let list = &epochs.list[..end.min(epochs.list.len())];
+    let mut quiet_runs: Vec<(usize, usize)> = Vec::new();
+    let mut next_t = f64::NEG_INFINITY;
+    for window_end in 1..=list.len() {
+        if list[window_end - 1].t_s < next_t {
+            continue;
+        }
+        next_t = list[window_end - 1].t_s + STAND_STEP_S;
+        let Some(start) = window_start(list, window_end) else {
+            continue;
+        };
+        let window = &list[start..window_end];
+        let heard = window.iter().any(|e| e.wheels.iter().any(Option::is_some));
+        if !heard || quiet(epochs, window, gravity).is_err() {
+            continue;
+        }
+        match quiet_runs.last_mut() {
+            Some(run) if start <= run.1 => run.1 = window_end,
+            _ => quiet_runs.push((start, window_end)),
+        }
+    }
+    quiet_runs
+        .into_iter()
+        .filter_map(|(from, to)| {
+            let start = list[from].t_s + STAND_TRIM_S;
+            let stop = list[to - 1].t_s - STAND_TRIM_S;
+            let from = list.partition_point(|e| e.t_s < start);
+            let to = list.partition_point(|e| e.t_s <= stop);
+            let run = list.get(from..to)?;
+            let seconds: f64 = run.iter().map(|e| e.dt).sum();
+            let means = means(run);
+            (seconds >= STAND_S).then_some(Stand {
+                range: from..to,
+                seconds,
+                accel: means.accel,
+                rate: means.rate,
+            })
+        })
+        .collect()
+}
+
 fn window_start(list: &[Epoch], end: usize) -> Option<usize> {
     let mut length = 0.0;
     for k in (0..end).rev() {

@@ -14,8 +14,10 @@ use crate::funnel::{self, Source};
 use crate::mechanize::Earth;
 use crate::motion::Motion;
 use crate::published;
+use crate::refined;
 use crate::rest;
 use crate::road::RoadLimits;
+use crate::smooth::Smoother;
 use crate::start;
 use crate::stats::two_sided_quantile;
 
@@ -28,9 +30,19 @@ pub enum Model {
     Published,
     /// Nine states in navigation axes with full coupling and considered biases: the default.
     NineState,
+    /// Nine states and the calibration beside them, smoothed.
+    Refined,
 }
 
 impl Model {
+    /// Every model, the simplest first.
+    pub const ALL: [Self; 4] = [
+        Self::DeadReckoning,
+        Self::Published,
+        Self::NineState,
+        Self::Refined,
+    ];
+
     /// Name on the command line and in the outputs.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -38,6 +50,7 @@ impl Model {
             Self::DeadReckoning => "dead-reckoning",
             Self::Published => "published",
             Self::NineState => "nine-state",
+            Self::Refined => "refined",
         }
     }
 }
@@ -70,6 +83,10 @@ pub struct Options {
     pub to_s: Option<f64>,
     /// Weights of the nine-state filter.
     pub tuning: Tuning,
+    /// Spreads and gates of the refined model.
+    pub refined: refined::Tuning,
+    /// Smoother of the refined model.
+    pub smoother: Smoother,
 }
 
 impl Default for Options {
@@ -82,6 +99,8 @@ impl Default for Options {
             from_s: None,
             to_s: None,
             tuning: Tuning::default(),
+            refined: refined::Tuning::default(),
+            smoother: Smoother::default(),
         }
     }
 }
@@ -183,12 +202,12 @@ pub fn from_epochs(
         tuning: options.tuning,
     };
     let quantile = two_sided_quantile(options.confidence);
-    let ran = run_models(&setup, options.model, quantile, from)?;
+    let ran = run_models(&setup, &rest, options, quantile, from)?;
     let source = Source {
         epochs,
         motion: &motion,
         gravity: earth.gravity,
-        road: road.as_ref().filter(|_| options.model == Model::NineState),
+        road: road.as_ref().filter(|_| matches!(options.model, Model::NineState | Model::Refined)),
         utc_zero_ns: facts.utc_zero_ns,
     };
     let (states, road_use) = funnel::states(&source, &ran.snapshots, from, to);
@@ -252,14 +271,16 @@ struct Ran {
 /// Runs every model; only the snapshots of the one asked for are kept.
 fn run_models(
     setup: &Setup<'_>,
-    asked: Model,
+    rest: &rest::RestInterval,
+    options: &Options,
     quantile: f64,
     from: usize,
 ) -> Result<Ran, ReconstructError> {
     let mut answers = Vec::new();
     let mut kept = None;
     let mut wheels = WheelUse::default();
-    for model in [Model::DeadReckoning, Model::Published, Model::NineState] {
+    let asked = options.model;
+    for model in Model::ALL {
         let snapshots = match model {
             Model::DeadReckoning => dead_reckoning::run(&setup.reversed, setup.motion),
             Model::Published => Some(published::run(
@@ -274,6 +295,13 @@ fn run_models(
                     wheels = pass.wheels;
                 }
                 Some(pass.snapshots)
+            }
+            Model::Refined => {
+                let refined = refined::run(setup, rest, &options.refined, options.smoother)?;
+                if asked == Model::Refined {
+                    wheels = refined.wheels;
+                }
+                Some(refined.snapshots)
             }
         };
         let Some(snapshots) = snapshots else { continue };

@@ -1,0 +1,157 @@
+//! The refined model: the nine states with everything that bends them estimated beside them, and smoothed.
+//!
+//! [`pass`] runs backwards from rest over [`states`] (30) with the rows of [`measure`] and the steps of [`transition`], and
+//! writes a [`tape`]. [`crate::smooth`] sweeps back over it. The result is the same kind of snapshot that every model gives,
+//! so findings, funnel and report do not know which model ran.
+
+pub mod inputs;
+pub mod measure;
+pub mod pass;
+pub mod states;
+pub mod tape;
+pub mod transition;
+pub mod tuning;
+
+use nalgebra::{SMatrix, Vector3};
+
+use crate::error::ReconstructError;
+use crate::error_model::{ATT, STATES};
+use crate::filter::{Setup, Snapshot};
+use crate::findings::WheelUse;
+use crate::rest::RestInterval;
+use crate::smooth::Smoother;
+use crate::smooth::rts::{Adjoint, cross_covariance};
+use pass::{Given, Passed};
+use states::{BA, Cov, Nominal, Row, SA};
+use tape::Step;
+pub use tuning::Tuning;
+
+/// Nine errors at the start of a pulse and nine at its end, estimate minus truth.
+pub type Joint = SMatrix<f64, { 2 * STATES }, { 2 * STATES }>;
+
+/// What the refined model gives.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// One snapshot an epoch, in recording order.
+    pub snapshots: Vec<Snapshot>,
+    /// Use of the wheels.
+    pub wheels: WheelUse,
+    /// Joint covariance at `pulse.before` and `pulse.last` of each impact.
+    pub joint: Vec<Option<Joint>>,
+    /// Calibration before the first impact (at the first epoch) and its covariance, all states.
+    pub before: (Nominal, Cov),
+    /// Calibration at the end of the record.
+    pub after: (Nominal, Cov),
+    /// The pass, for the batch solve, the error budget and the findings of faults.
+    pub passed: Passed,
+}
+
+/// Runs filter and smoother.
+///
+/// # Errors
+/// As [`pass::run`].
+pub fn run(
+    setup: &Setup<'_>,
+    rest: &RestInterval,
+    tuning: &Tuning,
+    smoother: Smoother,
+) -> Result<Refined, ReconstructError> {
+    let passed = pass::run(Given {
+        setup,
+        rest,
+        tuning,
+    })?;
+    let epochs = setup.reversed.forward();
+    let steps = &passed.tape.steps;
+    let impacts = &setup.motion.impacts;
+    let mut joint = vec![None; impacts.len()];
+    let mut list: Vec<Option<Snapshot>> = vec![None; epochs.list.len()];
+    let mut adjoint = Adjoint::last();
+    let mut before = None;
+    let mut after = None;
+    for (i, step) in steps.iter().enumerate().rev() {
+        let nominal = adjoint.nominal(&step.nominal, &step.p);
+        list[step.k] = Some(snapshot(setup, &passed, step, &nominal, &adjoint));
+        for (pulse, joint) in impacts.iter().zip(&mut joint) {
+            // The pulse's end is passed first, on the way back from rest.
+            if pulse.before == step.k && pulse.last <= setup.start.k && pulse.last > pulse.before {
+                *joint = joint_of(&passed, i, pulse.last - pulse.before, &adjoint);
+            }
+        }
+        if i + 1 == steps.len() {
+            before = Some((nominal, adjoint.whole(&step.p)));
+        }
+        if i == 0 {
+            after = Some((nominal, adjoint.whole(&step.p)));
+        }
+        if smoother == Smoother::Rts {
+            adjoint.retreat(&passed.tape, i);
+        }
+    }
+    let missing = || ReconstructError::Numeric {
+        place: "refined model",
+        what: "the record has no sample to start from".to_owned(),
+    };
+    // What comes behind the start stands still, or was not heard.
+    let held = list.iter().rev().flatten().next().cloned().ok_or_else(missing)?;
+    let snapshots = list.into_iter().map(|s| s.unwrap_or_else(|| held.clone())).collect();
+    Ok(Refined {
+        snapshots,
+        wheels: passed.wheels,
+        joint,
+        before: before.ok_or_else(missing)?,
+        after: after.ok_or_else(missing)?,
+        passed,
+    })
+}
+
+/// Joint covariance of step `late` (a pulse's start) and of the one `length` epochs after it in time.
+fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> Option<Joint> {
+    let tape = &passed.tape;
+    let early = late.checked_sub(length)?;
+    // The adjoint of the pulse's end: further back over the steps of the pulse.
+    let mut at_early = *at_late;
+    for i in (early + 1..=late).rev() {
+        at_early.retreat(tape, i);
+    }
+    let cross = cross_covariance(tape, early, late, at_late);
+    let mut joint = Joint::zeros();
+    let put = |joint: &mut Joint, r: usize, c: usize, m: SMatrix<f64, STATES, STATES>| {
+        joint.fixed_view_mut::<STATES, STATES>(r, c).copy_from(&m);
+    };
+    put(&mut joint, 0, 0, at_late.covariance::<STATES>(&tape.steps[late].p));
+    put(&mut joint, STATES, STATES, at_early.covariance::<STATES>(&tape.steps[early].p));
+    let block = cross.fixed_view::<STATES, STATES>(0, 0).into_owned();
+    put(&mut joint, STATES, 0, block);
+    put(&mut joint, 0, STATES, block.transpose());
+    Some(joint)
+}
+
+fn snapshot(
+    setup: &Setup<'_>,
+    passed: &Passed,
+    step: &Step,
+    nominal: &Nominal,
+    adjoint: &Adjoint,
+) -> Snapshot {
+    let epochs = setup.reversed.forward();
+    let epoch = &epochs.list[step.k];
+    let speed = nominal.nav.v_n.v.norm();
+    let density = passed.inputs.density(epochs, step.k, speed);
+    // Acceleration along a body axis free of gravity: `e . (C' (psi x g) + ba + sa f)` and noise.
+    let sd_accel = [0, 1].map(|axis| {
+        let a: Vector3<f64> = nominal.nav.c_nb.m.column(axis).into_owned();
+        let tilt = Vector3::new(0.0, 0.0, setup.earth.gravity).cross(&a);
+        let mut h = Row::zeros();
+        h.fixed_rows_mut::<3>(ATT).copy_from(&tilt);
+        h[BA + axis] = 1.0;
+        h[SA + axis] = epoch.accel[axis];
+        (adjoint.variance(&step.p, &h) + density.accel[axis] / epoch.dt).max(0.0).sqrt()
+    });
+    Snapshot {
+        nav: nominal.nav,
+        p: adjoint.covariance::<STATES>(&step.p),
+        sd_accel,
+        wheels_used: passed.wheels_used[step.k],
+    }
+}

@@ -1,0 +1,343 @@
+//! One backward step of all states, by its few entries, and its transpose.
+//!
+//! Over `h > 0` the transition is `exp(-F h)` with `r' = v`, `v' = f_n x psi + B_v c`, `psi' = B_psi c`; `F` is nilpotent,
+//! so the exponential ends after three terms. Both products are tested against the general exponential.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::states::{BA, BG, Cov, DIM, MOUNT_PITCH, MOUNT_YAW, Row, SLIP, WHEEL_LEFT};
+use crate::error_model::{ATT, Drive, POS, STATES, VEL};
+use crate::frame::{Body, Nav, Rot, Vec3, skew};
+use crate::mechanize::StepView;
+
+/// States that drive the velocity: biases, scales, Coriolis, mounting.
+const BY_VELOCITY: usize = MOUNT_PITCH + 1 - BA;
+/// States that drive the angles: mounting, gyro biases and scales.
+const BY_ANGLE: usize = WHEEL_LEFT - MOUNT_YAW;
+
+/// Transition of one backward step and its noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Transition {
+    /// Length, s; 0 while the car stands.
+    h: f64,
+    f_n: Vector3<f64>,
+    velocity: [Vector3<f64>; BY_VELOCITY],
+    angle: [Vector3<f64>; BY_ANGLE],
+    /// Factor of the sideslip process.
+    decay: f64,
+    /// Noise of position, velocity and angles.
+    pub q: SMatrix<f64, STATES, STATES>,
+    /// Variance added to the sideslip.
+    pub q_slip: f64,
+    /// Variance added to each accelerometer and each gyro bias: an impact lies in this step.
+    pub jump: [f64; 2],
+}
+
+/// Change of the acceleration in navigation axes with each calibration state from [`BA`] to the mounting, per unit.
+#[must_use]
+pub fn velocity_drive(c_nb: &Rot<Nav, Body>, f_b: &Vec3<Body>) -> [Vector3<f64>; BY_VELOCITY] {
+    drives(c_nb, f_b, &Vec3::zero()).0
+}
+
+fn drives(
+    c_nb: &Rot<Nav, Body>,
+    f_b: &Vec3<Body>,
+    w_b: &Vec3<Body>,
+) -> ([Vector3<f64>; BY_VELOCITY], [Vector3<f64>; BY_ANGLE]) {
+    let drive = Drive::new(c_nb, f_b, w_b);
+    // A pitched sensor shows `f + angle (y x f)`, and the same of the rate.
+    let pitched = |v: &Vector3<f64>| c_nb.m * Vector3::new(v.z, 0.0, -v.x);
+    let at = MOUNT_PITCH - BA;
+    let mut velocity = [Vector3::zeros(); BY_VELOCITY];
+    velocity[..at].copy_from_slice(&drive.velocity);
+    velocity[at] = pitched(&f_b.v);
+    let mut angle = [Vector3::zeros(); BY_ANGLE];
+    angle[0] = drive.angle[0];
+    angle[1] = -pitched(&w_b.v);
+    angle[2..].copy_from_slice(&drive.angle[1..]);
+    (velocity, angle)
+}
+
+/// Spectral densities of one step, body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Density {
+    /// Specific force, per axis, (m/s^2)^2/Hz.
+    pub accel: Vector3<f64>,
+    /// Rate, per axis, (rad/s)^2/Hz.
+    pub rate: Vector3<f64>,
+}
+
+impl Transition {
+    /// A step of a moving car.
+    #[must_use]
+    pub fn moving(
+        view: &StepView,
+        f_b: &Vec3<Body>,
+        w_b: &Vec3<Body>,
+        h: f64,
+        density: &Density,
+    ) -> Self {
+        let (velocity, angle) = drives(&view.c_mid, f_b, w_b);
+        let c = &view.c_mid.m;
+        let spread = |d: &Vector3<f64>| c * Matrix3::from_diagonal(d) * c.transpose();
+        let (sa, sg) = (spread(&density.accel), spread(&density.rate));
+        Self {
+            h,
+            f_n: view.f_n.v,
+            velocity,
+            angle,
+            decay: 1.0,
+            q: noise(&view.f_n.v, &sa, &sg, h),
+            q_slip: 0.0,
+            jump: [0.0; 2],
+        }
+    }
+
+    /// A step in which nothing moves: every state stays, the angles are unsure by `angle_sd` (the springs).
+    #[must_use]
+    pub fn standing(angle_sd: f64) -> Self {
+        let mut q = SMatrix::zeros();
+        for i in ATT..ATT + 3 {
+            q[(i, i)] = angle_sd * angle_sd;
+        }
+        Self {
+            h: 0.0,
+            f_n: Vector3::zeros(),
+            velocity: [Vector3::zeros(); BY_VELOCITY],
+            angle: [Vector3::zeros(); BY_ANGLE],
+            decay: 1.0,
+            q,
+            q_slip: 0.0,
+            jump: [0.0; 2],
+        }
+    }
+
+    /// Lets the sideslip process of the given spread and correlation time run for `dt` seconds; its reversed law is
+    /// the same.
+    #[must_use]
+    pub fn with_slip(mut self, sd: f64, time_s: f64, dt: f64) -> Self {
+        self.decay = (-dt / time_s).exp();
+        self.q_slip = sd * sd * (1.0 - self.decay * self.decay);
+        self
+    }
+
+    /// Puts an impact into the step: variances added to the accelerometer and the gyro biases.
+    #[must_use]
+    pub fn with_jump(mut self, jump: [f64; 2]) -> Self {
+        self.jump = jump;
+        self
+    }
+
+    /// `Phi x`.
+    #[must_use]
+    pub fn apply(&self, x: &Row) -> Row {
+        let mut out = *x;
+        self.forward(out.as_mut_slice());
+        out
+    }
+
+    /// `Phi' x`.
+    #[must_use]
+    pub fn apply_transposed(&self, x: &Row) -> Row {
+        let mut out = *x;
+        self.adjoint(out.as_mut_slice());
+        out
+    }
+
+    /// `Phi P Phi' + Q`.
+    pub fn predict(&self, p: &mut Cov) {
+        self.congruence(p, Self::forward);
+        for c in 0..STATES {
+            for r in 0..STATES {
+                p[(r, c)] += self.q[(r, c)];
+            }
+        }
+        p[(SLIP, SLIP)] += self.q_slip;
+        for axis in 0..3 {
+            p[(BA + axis, BA + axis)] += self.jump[0];
+            p[(BG + axis, BG + axis)] += self.jump[1];
+        }
+    }
+
+    /// `Phi' L Phi`.
+    pub fn retract(&self, l: &mut Cov) {
+        self.congruence(l, Self::adjoint);
+    }
+
+    /// `M S M'` of a symmetric `S`, `M` given by its action on a column.
+    fn congruence(&self, s: &mut Cov, act: impl Fn(&Self, &mut [f64])) {
+        for column in s.as_mut_slice().chunks_exact_mut(DIM) {
+            act(self, column);
+        }
+        s.transpose_mut();
+        for column in s.as_mut_slice().chunks_exact_mut(DIM) {
+            act(self, column);
+        }
+    }
+
+    fn forward(&self, x: &mut [f64]) {
+        let h = self.h;
+        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let mut by_v = self.f_n.cross(&p);
+        for (b, c) in self.velocity.iter().zip(&x[BA..]) {
+            by_v += b * *c;
+        }
+        let mut by_p = Vector3::zeros();
+        for (b, c) in self.angle.iter().zip(&x[MOUNT_YAW..]) {
+            by_p += b * *c;
+        }
+        let turned = self.f_n.cross(&by_p);
+        let h2 = 0.5 * h * h;
+        let r = r - v * h + by_v * h2 - turned * (h * h2 / 3.0);
+        let v = v - by_v * h + turned * h2;
+        let p = p - by_p * h;
+        put(x, &r, &v, &p);
+        x[SLIP] *= self.decay;
+    }
+
+    fn adjoint(&self, x: &mut [f64]) {
+        let h = self.h;
+        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let h2 = 0.5 * h * h;
+        // [f x]' y = y x f.
+        let by_v = v * -h + r * h2;
+        let by_p = p * -h + (v * h2 - r * (h * h2 / 3.0)).cross(&self.f_n);
+        for (b, c) in self.velocity.iter().zip(&mut x[BA..]) {
+            *c += b.dot(&by_v);
+        }
+        for (b, c) in self.angle.iter().zip(&mut x[MOUNT_YAW..]) {
+            *c += b.dot(&by_p);
+        }
+        let p = p + by_v.cross(&self.f_n);
+        let v = v - r * h;
+        put(x, &r, &v, &p);
+        x[SLIP] *= self.decay;
+    }
+}
+
+fn put(x: &mut [f64], r: &Vector3<f64>, v: &Vector3<f64>, p: &Vector3<f64>) {
+    x[POS..POS + 3].copy_from_slice(r.as_slice());
+    x[VEL..VEL + 3].copy_from_slice(v.as_slice());
+    x[ATT..ATT + 3].copy_from_slice(p.as_slice());
+}
+
+/// Van Loan's integral [S03, 2.28 and 2.29] in closed form, densities in navigation axes.
+fn noise(
+    f_n: &Vector3<f64>,
+    sa: &Matrix3<f64>,
+    sg: &Matrix3<f64>,
+    h: f64,
+) -> SMatrix<f64, STATES, STATES> {
+    let a = skew(f_n);
+    let ag = a * sg;
+    let aga = ag * a.transpose();
+    let mut q = SMatrix::<f64, STATES, STATES>::zeros();
+    let h2 = h * h;
+    let mut set = |r: usize, c: usize, m: Matrix3<f64>| {
+        q.fixed_view_mut::<3, 3>(r, c).copy_from(&m);
+        if r != c {
+            q.fixed_view_mut::<3, 3>(c, r).copy_from(&m.transpose());
+        }
+    };
+    set(
+        POS,
+        POS,
+        sa * (h2 * h / 3.0) + aga * (h2 * h2 * h / 20.0),
+    );
+    set(POS, VEL, sa * (-h2 / 2.0) - aga * (h2 * h2 / 8.0));
+    set(POS, ATT, ag * (h2 * h / 6.0));
+    set(VEL, VEL, sa * h + aga * (h2 * h / 3.0));
+    set(VEL, ATT, ag * (-h2 / 2.0));
+    set(ATT, ATT, sg * h);
+    q
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Nav, Rot};
+    use crate::matrix::van_loan;
+    use nalgebra::DMatrix;
+    use schema::num::real;
+
+    fn sample() -> (StepView, Vec3<Body>, Vec3<Body>, Density) {
+        let c_mid = Rot::<Nav, Body>::from_euler(0.1, -0.2, 0.7);
+        let f_b = Vec3::new(-6.0, 2.0, -9.6);
+        let view = StepView {
+            c_mid,
+            f_n: c_mid.apply(f_b),
+            a_n: Vec3::zero(),
+        };
+        let density = Density {
+            accel: Vector3::new(0.01, 0.02, 0.03),
+            rate: Vector3::new(1e-4, 2e-4, 3e-4),
+        };
+        (view, f_b, Vec3::new(0.1, -0.3, 1.2), density)
+    }
+
+    /// Against the general exponential and van Loan's integral of the continuous model.
+    #[test]
+    fn step_and_noise_meet_van_loan() {
+        let (view, f_b, w_b, density) = sample();
+        let h = 0.05;
+        let step = Transition::moving(&view, &f_b, &w_b, h, &density);
+        let (f9, b) = crate::error_model::continuous(&view.c_mid, &f_b, &w_b);
+        let mut f = DMatrix::zeros(DIM, DIM);
+        f.view_mut((0, 0), (9, 9)).copy_from(&f9);
+        // The considered errors of the nine-state model are, in this order, the states from BA on, but for the pitch.
+        f.view_mut((0, BA), (9, 9)).copy_from(&b.columns(0, 9));
+        f.view_mut((0, BG), (9, 6)).copy_from(&b.columns(9, 6));
+        let c = view.c_mid.m;
+        let pitched = |v: &Vector3<f64>| c * Vector3::y().cross(v);
+        f.view_mut((VEL, MOUNT_PITCH), (3, 1)).copy_from(&pitched(&f_b.v));
+        f.view_mut((ATT, MOUNT_PITCH), (3, 1)).copy_from(&-pitched(&w_b.v));
+        let mut w = DMatrix::zeros(DIM, DIM);
+        let spread = |d: &Vector3<f64>| c * Matrix3::from_diagonal(d) * c.transpose();
+        w.view_mut((VEL, VEL), (3, 3)).copy_from(&spread(&density.accel));
+        w.view_mut((ATT, ATT), (3, 3)).copy_from(&spread(&density.rate));
+        let (phi, q) = van_loan(&-f, &w, h).unwrap();
+        for j in 0..DIM {
+            let mut e = Row::zeros();
+            e[j] = 1.0;
+            let column = step.apply(&e);
+            let row = step.apply_transposed(&e);
+            for i in 0..DIM {
+                assert!((column[i] - phi[(i, j)]).abs() < 1e-13, "{i} {j}");
+                assert!((row[i] - phi[(j, i)]).abs() < 1e-13, "{i} {j} transposed");
+            }
+        }
+        let top = q.view((0, 0), (9, 9));
+        assert!((top - step.q).norm() < 1e-15 + 1e-12 * step.q.norm());
+    }
+
+    #[test]
+    fn congruences_meet_dense_products() {
+        let (view, f_b, w_b, density) = sample();
+        let step = Transition::moving(&view, &f_b, &w_b, 0.01, &density)
+            .with_slip(0.01, 1.0, 0.01)
+            .with_jump([0.1, 0.2]);
+        let root = Cov::from_fn(|i, j| real(1 + 3 * i + 7 * j).sin());
+        let p = root * root.transpose();
+        let mut phi = Cov::zeros();
+        for j in 0..DIM {
+            let mut e = Row::zeros();
+            e[j] = 1.0;
+            phi.set_column(j, &step.apply(&e));
+        }
+        let mut want = phi * p * phi.transpose();
+        let mut view9 = want.fixed_view_mut::<9, 9>(0, 0);
+        view9 += step.q;
+        want[(SLIP, SLIP)] += step.q_slip;
+        for axis in 0..3 {
+            want[(BA + axis, BA + axis)] += 0.1;
+            want[(BG + axis, BG + axis)] += 0.2;
+        }
+        let mut found = p;
+        step.predict(&mut found);
+        assert!((found - want).norm() < 1e-11 * want.norm());
+        let mut found = p;
+        step.retract(&mut found);
+        let want = phi.transpose() * p * phi;
+        assert!((found - want).norm() < 1e-11 * want.norm());
+    }
+}
