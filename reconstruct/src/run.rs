@@ -9,7 +9,10 @@ use crate::epochs::{Epoch, Epochs};
 use crate::error::ReconstructError;
 use crate::filter::{self, Setup, Snapshot, Tuning};
 use crate::findings::crash::{self, Evidence};
-use crate::findings::{Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, limits};
+use crate::findings::delta_v::JointPulse;
+use crate::findings::{
+    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, limits,
+};
 use crate::funnel::{self, Source};
 use crate::mechanize::Earth;
 use crate::motion::Motion;
@@ -197,6 +200,8 @@ pub fn from_epochs(
         motion: &motion,
         snapshots: &ran.snapshots,
         quantile,
+        joint: &ran.joint,
+        wheels_only: options.model == Model::DeadReckoning,
     };
     let rest_from = rest.found().then_some(rest.range.start);
     let first = &states[0];
@@ -222,6 +227,7 @@ pub fn from_epochs(
         start_speed_mps: Figure::new(first.speed, first.sd_speed, quantile),
         top_speed_mps: Figure::new(top.speed, top.sd_speed, quantile),
         top_speed_t_s: top.t_s,
+        comparisons: agreement::compare(&ran.answers, options.confidence),
         models: ran.answers,
         road: road_use,
         wheels: ran.wheels,
@@ -245,6 +251,8 @@ struct Ran {
     answers: Vec<ModelAnswer>,
     /// Snapshots of the model asked for.
     snapshots: Vec<Snapshot>,
+    /// Its joint covariances of the pulses, where it has them.
+    joint: Vec<Option<JointPulse>>,
     /// Its use of the wheels.
     wheels: WheelUse,
 }
@@ -282,8 +290,10 @@ fn run_models(
             motion: setup.motion,
             snapshots: &snapshots,
             quantile,
+            joint: &[],
+            wheels_only: model == Model::DeadReckoning,
         };
-        answers.push(answer(model, &evidence, from));
+        answers.push(agreement::answer(model.name(), &evidence, from));
         if model == asked {
             kept = Some(snapshots);
         }
@@ -296,6 +306,7 @@ fn run_models(
     Ok(Ran {
         answers,
         snapshots,
+        joint: Vec::new(),
         wheels,
     })
 }
@@ -320,21 +331,6 @@ fn window(epochs: &Epochs, options: &Options) -> Result<(usize, usize), Reconstr
         });
     }
     Ok((from, to))
-}
-
-fn answer(model: Model, evidence: &Evidence<'_>, from: usize) -> ModelAnswer {
-    let snapshot = &evidence.snapshots[from];
-    let sd = |i: usize| snapshot.p[(i, i)].max(0.0).sqrt();
-    ModelAnswer {
-        name: model.name(),
-        start_north_m: Figure::new(snapshot.nav.r_n.v.x, sd(0), evidence.quantile),
-        start_east_m: Figure::new(snapshot.nav.r_n.v.y, sd(1), evidence.quantile),
-        impact_speed_mps: evidence
-            .motion
-            .impacts
-            .first()
-            .map(|pulse| crash::speed_at(evidence, pulse)),
-    }
 }
 
 /// Seconds of a count of 10 ms samples.

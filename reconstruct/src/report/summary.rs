@@ -67,6 +67,7 @@ pub fn summary(r: &Reconstruction, case: &Case<'_>) -> Value {
             .map(|m| (m.name.to_owned(), model(m)))
             .collect(),
     );
+    out.insert("comparisons".into(), comparisons(r));
     out.insert("limits".into(), json!(r.limits));
     out.insert("road".into(), road(r));
     out.insert("wheels".into(), wheels(r));
@@ -145,11 +146,12 @@ pub fn finite(x: f64) -> Value {
     }
 }
 
-/// Inserts `NAME_UNIT`, `NAME_low_UNIT`, `NAME_high_UNIT`.
-fn bounded(map: &mut Map<String, Value>, name: &str, unit: &str, f: &Figure) {
+/// Inserts `NAME_UNIT`, its bounds `NAME_low_UNIT`, `NAME_high_UNIT`, and `NAME_sd_UNIT`.
+pub(crate) fn bounded(map: &mut Map<String, Value>, name: &str, unit: &str, f: &Figure) {
     map.insert(format!("{name}_{unit}"), finite(f.value));
     map.insert(format!("{name}_low_{unit}"), finite(f.low));
     map.insert(format!("{name}_high_{unit}"), finite(f.high));
+    map.insert(format!("{name}_sd_{unit}"), finite(f.sd));
 }
 
 fn record(case: &Case<'_>) -> Value {
@@ -262,19 +264,42 @@ fn model(m: &ModelAnswer) -> Value {
     bounded(&mut start, "east", "m", &m.start_east_m);
     let mut map = Map::new();
     map.insert("start".into(), Value::Object(start));
-    let none = Figure {
-        value: f64::NAN,
-        sd: f64::NAN,
-        low: f64::NAN,
-        high: f64::NAN,
-    };
     bounded(
         &mut map,
         "impact_speed",
         "mps",
-        m.impact_speed_mps.as_ref().unwrap_or(&none),
+        m.impact_speed_mps.as_ref().unwrap_or(&Figure::NONE),
     );
+    let impact = m.impact.as_ref().map(|i| {
+        let mut map = Map::new();
+        bounded(&mut map, "north", "m", &i.north_m);
+        bounded(&mut map, "east", "m", &i.east_m);
+        bounded(&mut map, "heading", "deg", &i.heading_deg);
+        bounded(&mut map, "delta_v_longitudinal", "mps", &i.longitudinal_mps);
+        bounded(&mut map, "delta_v_lateral", "mps", &i.lateral_mps);
+        Value::Object(map)
+    });
+    map.insert("impact".into(), impact.unwrap_or(Value::Null));
     Value::Object(map)
+}
+
+/// The tests of the models' differences.
+fn comparisons(r: &Reconstruction) -> Value {
+    r.comparisons
+        .iter()
+        .map(|c| {
+            json!({
+                "quantity": c.quantity,
+                "models": c.models,
+                "difference": finite(c.difference),
+                "unit": c.unit,
+                "chi_square": finite(c.chi_square),
+                "degrees": c.degrees,
+                "limit": finite(c.limit),
+                "beyond": c.beyond(),
+            })
+        })
+        .collect()
 }
 
 fn road(r: &Reconstruction) -> Value {
