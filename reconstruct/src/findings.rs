@@ -2,6 +2,7 @@
 
 use crate::findings::agreement::Comparison;
 use crate::findings::curve::{CurvePoint, Maximum};
+use crate::findings::details::Details;
 use crate::findings::pulse_times::PulseTimes;
 use crate::trajectory::State;
 
@@ -9,8 +10,13 @@ pub mod agreement;
 pub mod crash;
 pub mod curve;
 pub mod delta_v;
+pub mod details;
+pub mod extremes;
+pub mod final_rest;
 pub mod limits;
 pub mod pulse_times;
+pub mod reaction;
+pub mod rollover;
 
 impl Figure {
     /// No number at all.
@@ -61,9 +67,10 @@ pub struct Figure {
 pub struct Rest {
     /// True if the record ends at rest.
     pub found: bool,
-    /// Start of the final rest, seconds from the trigger; `None` if there is none.
+    /// When the car last moved, seconds from the trigger; `None` if the record ends moving. The quiet interval may
+    /// begin earlier, while the car still creeps.
     pub t_s: Option<f64>,
-    /// Length of the rest interval, s.
+    /// Length of the quiet interval, s.
     pub duration_s: f64,
     /// Why it is or is not believed, one sentence.
     pub reason: String,
@@ -274,6 +281,8 @@ pub struct Reconstruction {
     pub models: Vec<ModelAnswer>,
     /// Tests of their differences.
     pub comparisons: Vec<Comparison>,
+    /// Everything beyond the main figures.
+    pub details: Details,
     /// Road limits.
     pub road: RoadUse,
     /// Wheels.

@@ -11,7 +11,7 @@ use crate::filter::{self, Setup, Snapshot, Tuning};
 use crate::findings::crash::{self, Evidence};
 use crate::findings::delta_v::JointPulse;
 use crate::findings::{
-    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, limits,
+    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, details, limits,
 };
 use crate::funnel::{self, Source};
 use crate::mechanize::Earth;
@@ -71,6 +71,8 @@ pub struct Options {
     pub from_s: Option<f64>,
     /// End of the window.
     pub to_s: Option<f64>,
+    /// Length of the reaction window before the impact, s; 0 to 30.
+    pub reaction_s: f64,
     /// Weights of the nine-state filter.
     pub tuning: Tuning,
 }
@@ -84,6 +86,7 @@ impl Default for Options {
             confidence: 0.95,
             from_s: None,
             to_s: None,
+            reaction_s: 5.0,
             tuning: Tuning::default(),
         }
     }
@@ -96,6 +99,13 @@ impl Options {
                 option: "confidence",
                 expected: "a number between 0 and 1",
                 found: self.confidence.to_string(),
+            });
+        }
+        if !(0.0..=30.0).contains(&self.reaction_s) {
+            return Err(ReconstructError::Option {
+                option: "reaction window",
+                expected: "0 to 30 seconds",
+                found: self.reaction_s.to_string(),
             });
         }
         if let Some(pose) = self.rest_pose
@@ -144,7 +154,10 @@ pub fn reconstruct(record: &Record, options: &Options) -> Result<Reconstruction,
         completion: &record.completion,
         utc_zero_ns: zero.checked_add(record.header.clock.offset_ns),
     };
-    from_epochs(&epochs, &facts, options)
+    let mut result = from_epochs(&epochs, &facts, options)?;
+    let states = &result.states;
+    result.details.reaction.fill_brake(&record.aux, states);
+    Ok(result)
 }
 
 /// Reconstructs from epochs: what [`reconstruct`] does once the samples are on one time line.
@@ -203,6 +216,7 @@ pub fn from_epochs(
         joint: &ran.joint,
         wheels_only: options.model == Model::DeadReckoning,
     };
+    let details = details::of(&evidence, &rest, &states, [from, to], options.reaction_s);
     let rest_from = rest.found().then_some(rest.range.start);
     let first = &states[0];
     let top = states
@@ -217,7 +231,7 @@ pub fn from_epochs(
         confidence: options.confidence,
         rest: Rest {
             found: rest.found(),
-            t_s: rest_from.map(|k| epochs.list[k].t_s - epochs.list[k].dt),
+            t_s: details.final_rest.as_ref().map(|r| r.stop_t_s.value),
             duration_s: rest.duration_s,
             reason: rest.reason.clone(),
         },
@@ -229,6 +243,7 @@ pub fn from_epochs(
         top_speed_t_s: top.t_s,
         comparisons: agreement::compare(&ran.answers, options.confidence),
         models: ran.answers,
+        details,
         road: road_use,
         wheels: ran.wheels,
         missing_samples: missing,

@@ -27,6 +27,17 @@ pub fn to_true_north(r: &mut Reconstruction) {
         turn.pair(&mut dv.north_mps, &mut dv.east_mps, &mut dv.cov_north_east);
         turn.heading(&mut dv.azimuth_deg);
     }
+    for row in &mut r.details.reaction.rows {
+        turn.heading(&mut row.heading_deg);
+        turn.pair(
+            &mut row.north_m,
+            &mut row.east_m,
+            &mut row.cov_north_east_m2,
+        );
+    }
+    if let Some(rest) = &mut r.details.final_rest {
+        turn.heading(&mut rest.heading_deg);
+    }
     for model in &mut r.models {
         turn_answer(model, &turn);
     }

@@ -113,9 +113,9 @@ fn cfr(evidence: &Evidence<'_>, pulse: &Pulse) -> [Option<Figure>; 2] {
     let (from, to, top) = stretch(evidence, pulse);
     let mut sum = Vector3::zeros();
     let mut nodes = vec![(list[from].t_s - list[from].dt, sum)];
-    for k in from..to {
-        sum += evidence.motion.accel[k] * list[k].dt;
-        nodes.push((list[k].t_s, sum));
+    for (epoch, accel) in list[from..to].iter().zip(&evidence.motion.accel[from..to]) {
+        sum += accel * epoch.dt;
+        nodes.push((epoch.t_s, sum));
     }
     let velocity = |t: f64| -> Vector3<f64> {
         let i = nodes.partition_point(|n| n.0 < t).clamp(1, nodes.len() - 1);

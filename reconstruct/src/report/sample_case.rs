@@ -11,6 +11,7 @@ use schema::num;
 use schema::parts::{Clip, ClockStep, Completion, Gap, Health, SignalHealth, Trigger, TriggerKind};
 use schema::scale::{TwoSlope, WheelScale};
 
+use crate::findings::details::Details;
 use crate::findings::{
     Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction, Rest, RoadUse, WheelUse,
 };
@@ -156,6 +157,7 @@ fn findings(states: Vec<State>) -> Reconstruction {
             answer("nine-state", &start, 0.0, 1.4, onset.speed),
         ],
         comparisons: Vec::new(),
+        details: Details::default(),
         road: RoadUse { samples: 2600, roll: 12, pitch: 0, vertical: 3 },
         wheels: WheelUse { offered: 3400, used: 2480, refused_physics: 610, refused_innovation: 22, below_cutoff: 288 },
         missing_samples: 15,
