@@ -94,9 +94,10 @@ impl Table {
             let mut sds: Vec<f64> = list.iter().map(|x| x.1).collect();
             sds.sort_by(f64::total_cmp);
             println!(
-                "{title:9} {name:24} n {:4}  in 95 %: {:5.1}  |error| median {:8.4}  p95 {:8.4}  sd {:8.4}",
+                "{title:9} {name:24} n {:4}  in 95 %: {:5.1}  mean {:8.4}  |error| median {:8.4}  p95 {:8.4}  sd {:8.4}",
                 list.len(),
                 100.0 * self.inside(name),
+                list.iter().map(|x| x.0).sum::<f64>() / real(list.len()),
                 errors[list.len() / 2],
                 errors[list.len() * 95 / 100],
                 sds[list.len() / 2],
@@ -187,22 +188,14 @@ fn extremes(table: &mut Table, case: &Case) {
     if let Some(x) = after.lateral_mps2 {
         table.add("lateral after", &x.value, mean(x.t_s));
     }
-    // The largest by the truth is not far from what was found.
-    let onset = case.simulated.truth.facts.impacts[0].t_s;
-    let (from, to) = (case.result.states[0].t_s, onset);
-    let rows = case.simulated.truth.rows.iter();
-    let largest = rows
-        .filter(|r| r.t_s > from && r.t_s < to - 0.01)
-        .filter(|r| r.velocity[0].hypot(r.velocity[1]) > 5.0)
-        .map(slip)
-        .fold(0.0, |m: f64, x| if x.abs() > m.abs() { x } else { m });
-    table.add("largest sideslip", &sideslip.value, largest);
 }
 
 fn rest(table: &mut Table, case: &Case) {
     let facts = &case.simulated.truth.facts;
     let found = case.result.details.final_rest.as_ref().unwrap();
-    table.add("stop", &found.stop_t_s, facts.rest_t_s);
+    let moving = |r: &&TruthRow| r.velocity[0].hypot(r.velocity[1]) > 0.1;
+    let stop = case.simulated.truth.rows.iter().rfind(moving).unwrap().t_s;
+    table.add("stop", &found.stop_t_s, stop);
     table.add_angle("rest roll", &found.roll_deg, facts.rest_roll_deg);
     table.add("rest pitch", &found.pitch_deg, facts.rest_pitch_deg);
     let onset = facts.impacts[0].t_s;
@@ -232,6 +225,7 @@ fn bounds_hold_the_truth_in_every_class() {
     let first: u64 = std::env::var("FINDINGS_FIRST").map_or(SEEDS, |n| n.parse().unwrap());
     let mut all = Table::default();
     let mut second = Table::default();
+    let mut missed = 0;
     for class in Class::CRASHES {
         let mut table = Table::default();
         for seed in first..first + count {
@@ -239,6 +233,13 @@ fn bounds_hold_the_truth_in_every_class() {
             for (truth, found) in case.pairs() {
                 impact(&mut table, truth, found);
                 impact(&mut all, truth, found);
+            }
+            // An impact of hardly 8 km/h may be none by the rule of 49 CFR 563.
+            let onset = case.simulated.truth.facts.impacts[0].t_s;
+            let first = case.result.impacts.first();
+            if first.is_none_or(|i| (i.t_s.value - onset).abs() > 0.05) {
+                missed += 1;
+                continue;
             }
             for each in [&mut table, &mut all] {
                 reaction(each, &case);
@@ -253,8 +254,26 @@ fn bounds_hold_the_truth_in_every_class() {
             table.show(class.name());
         }
     }
+    println!("first impact not found in {missed} of {} runs", 6 * count);
+    assert!(missed <= 5);
     all.show("all");
     second.show("second");
+    for name in all.0.keys() {
+        // The largest sideslip is picked among many, and the pick favours what is too large.
+        let least = if name.starts_with("sideslip") {
+            0.80
+        } else {
+            0.86
+        };
+        assert!(all.inside(name) >= least, "{name}: {}", all.inside(name));
+    }
+    for name in ["dv resultant", "pdof", "interval", "interval path"] {
+        assert!(
+            second.inside(name) >= 0.80,
+            "second, {name}: {}",
+            second.inside(name)
+        );
+    }
 }
 
 fn double(table: &mut Table, case: &Case) {

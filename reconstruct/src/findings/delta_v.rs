@@ -244,7 +244,9 @@ pub fn delta_v(evidence: &Evidence<'_>, pulse: &Pulse, joint: Option<&JointPulse
         .add_scalar(after);
     let (body, ground) = covariances(evidence, pulse, last, &change, &timing, joint);
     let clipped = clipped(evidence, pulse.before, last);
-    let turn = turn(evidence, pulse, last, &change);
+    let times = pulse_times::all(evidence, pulse);
+    let doubt = pulse_times::end_doubt(&times).hypot(0.5 * epochs.list[last].dt);
+    let turn = turn(evidence, pulse, last, &change, doubt);
     let plane = Plane {
         x: change.body.x,
         y: change.body.y,
@@ -260,14 +262,14 @@ pub fn delta_v(evidence: &Evidence<'_>, pulse: &Pulse, joint: Option<&JointPulse
     let mut result = plane.delta_v(&over_ground, quantile, open);
     result.duration_s = Figure::non_negative(
         pulse.end_s - pulse.onset_s,
-        pulse.onset_sd_s.hypot(0.5 * epochs.list[last].dt),
+        pulse.onset_sd_s.hypot(doubt),
         quantile,
     );
     result.end_t_s = pulse.end_s;
     result.clipped = clipped;
     result.point = arm.point;
     result.yaw_rate_change_degps = turn;
-    result.times = pulse_times::all(evidence, pulse);
+    result.times = times;
     if evidence.wheels_only {
         // Wheel speeds lag and slip through an impact: their difference bounds nothing.
         result.without_bounds();
@@ -305,19 +307,28 @@ fn covariances(
     }
 }
 
-/// Change of yaw rate over the pulse.
-fn turn(evidence: &Evidence<'_>, pulse: &Pulse, last: usize, change: &Change) -> Figure {
+/// Change of yaw rate over the pulse, whose end is known to `doubt` (one sigma, s).
+fn turn(
+    evidence: &Evidence<'_>,
+    pulse: &Pulse,
+    last: usize,
+    change: &Change,
+    doubt: f64,
+) -> Figure {
     let list = &evidence.epochs.list;
     let rate = &evidence.motion.rate;
     let dt = list[last].dt;
-    let growth = rate.get(last + 1).map_or(0.0, |n| n.z - rate[last].z) / dt;
+    let growth = [last, last + 1, last + 2]
+        .iter()
+        .filter_map(|&k| Some((rate.get(k)?.z - rate[k - 1].z) / dt))
+        .fold(0.0, |m: f64, a| m.max(a.abs()));
     let variance = rate_variance(
         evidence,
         &change.rate[0],
         dt * schema::num::real(RATE_EPOCHS),
     )
     .z + rate_variance(evidence, &change.rate[1], 2.0 * dt).z
-        + (growth * pulse.end_sd_s.hypot(0.5 * dt)).powi(2)
+        + (growth * doubt).powi(2)
         + list[pulse.before..=last]
             .iter()
             .map(|e| e.rate_psd / e.dt)

@@ -7,7 +7,7 @@ use crate::filter::{Snapshot, VIBRATION_SPEED};
 use crate::findings::Figure;
 use crate::findings::crash::Evidence;
 use crate::findings::rollover::upright;
-use crate::mechanize::Nav9;
+use crate::mechanize::{MEAN_GRAVITY, Nav9};
 
 /// Below this speed over ground no sideslip is given, m/s.
 pub const SIDESLIP_MPS: f64 = 5.0;
@@ -49,14 +49,21 @@ pub fn of(evidence: &Evidence<'_>, from: usize, to: usize) -> Extremes {
     let mut out = Extremes::default();
     let larger =
         |old: &Option<Extreme>, value: f64| old.is_none_or(|o| value.abs() > o.value.value.abs());
+    // A slow car's sideslip is hardly known: the largest is the one that is surely so large.
+    let surer = |old: &Option<Extreme>, value: f64, sd: f64| {
+        old.is_none_or(|o| value.abs() - q * sd > o.value.value.abs() - q * o.value.sd)
+    };
     for k in from..to {
         let snapshot = &evidence.snapshots[k];
         let epoch = &list[k];
         if !upright(&snapshot.nav) {
             continue;
         }
-        let lateral = evidence.motion.smooth[k].y;
-        if epoch.measured[1] && outside(k, CLEAR_S) && larger(&out.lateral_mps2, lateral) {
+        if epoch.measured[1]
+            && outside(k, CLEAR_S)
+            && let Some(lateral) = lateral_mean(evidence, k)
+            && larger(&out.lateral_mps2, lateral)
+        {
             let middle = epoch.t_s - 0.5 * epoch.dt;
             out.lateral_mps2 = Some(Extreme {
                 value: Figure::new(lateral, sd_mean(evidence, k), q),
@@ -67,7 +74,7 @@ pub fn of(evidence: &Evidence<'_>, from: usize, to: usize) -> Extremes {
             continue;
         }
         if let Some((value, sd)) = sideslip(snapshot)
-            && larger(&out.sideslip_deg, value.to_degrees())
+            && surer(&out.sideslip_deg, value.to_degrees(), sd.to_degrees())
         {
             out.sideslip_deg = Some(Extreme {
                 value: Figure::new(value.to_degrees(), sd.to_degrees(), q),
@@ -91,6 +98,22 @@ pub fn of(evidence: &Evidence<'_>, from: usize, to: usize) -> Extremes {
     out
 }
 
+/// The mean over 250 ms about epoch `k`, free of gravity by the model's own attitude.
+fn lateral_mean(evidence: &Evidence<'_>, k: usize) -> Option<f64> {
+    let list = &evidence.epochs.list;
+    let middle = list[k].t_s - 0.5 * list[k].dt;
+    let half = 0.5 * MEAN_S + 1e-6;
+    let from = list.partition_point(|e| e.t_s - 0.5 * e.dt < middle - half);
+    let to = list.partition_point(|e| e.t_s - 0.5 * e.dt <= middle + half);
+    let (mut sum, mut length) = (0.0, 0.0);
+    for (epoch, snapshot) in list[from..to].iter().zip(&evidence.snapshots[from..to]) {
+        let pull = snapshot.nav.c_nb.m[(2, 1)] * MEAN_GRAVITY;
+        sum += (epoch.accel.y + pull) * epoch.dt;
+        length += epoch.dt;
+    }
+    (length > 0.9 * MEAN_S).then(|| sum / length)
+}
+
 /// One sigma of the 250 ms mean of the lateral acceleration: what stays the same over it, and the noise's rest.
 fn sd_mean(evidence: &Evidence<'_>, k: usize) -> f64 {
     let imu = &evidence.epochs.header.imu;
@@ -108,7 +131,8 @@ fn sd_mean(evidence: &Evidence<'_>, k: usize) -> f64 {
         imu.accel_bias.powi(2) + p[(ATT, ATT)].max(p[(ATT + 1, ATT + 1)]) * 9.81 * 9.81
     };
     let across = imu.mounting_sd[2] * evidence.motion.smooth[k].x;
-    (constant + noise / MEAN_S + across * across).sqrt()
+    // The largest of many noisy means lies above the truth by about the noise of one.
+    (constant + 2.0 * noise / MEAN_S + across * across).sqrt()
 }
 
 /// Sideslip of one snapshot and its sd, rad; `None` below [`SIDESLIP_MPS`].

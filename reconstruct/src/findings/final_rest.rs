@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::error_model::{ATT, POS};
+use crate::error_model::{ATT, POS, VEL};
 use crate::findings::Figure;
 use crate::findings::crash::Evidence;
 use crate::findings::reaction::way;
@@ -10,20 +10,20 @@ use crate::findings::rollover::lies_on;
 use crate::rest::RestInterval;
 use crate::trajectory::State;
 
-/// A car slower than this is about to stand, m/s; its last moments are drawn on at its own deceleration.
-const CREEP_MPS: f64 = 0.25;
-/// Length of the stretch whose deceleration is drawn on, s.
+/// The car stands once it stays slower than this over the ground, m/s: what follows is the rocking of its springs.
+pub const CREEP_MPS: f64 = 0.1;
+/// Length of the stretch whose deceleration tells how exactly that instant is known, s.
 const LAST_S: f64 = 0.15;
 /// A car about to stand loses at least this, m/s^2.
-const LEAST_DECELERATION: f64 = 0.3;
-/// One sigma of where in a swaying stop the car stands, s.
-const STOP_SD_S: f64 = 0.05;
+const LEAST_DECELERATION: f64 = 0.1;
 
 /// The final rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FinalRest {
-    /// When the car last moved over the ground, seconds from the trigger.
+    /// When the car last moved faster than 0.1 m/s over the ground, seconds from the trigger.
     pub stop_t_s: Figure,
+    /// From here on it stood so still that levelling uses it, seconds from the trigger.
+    pub settled_t_s: f64,
     /// From there to the end of the record, s.
     pub duration_s: f64,
     /// Roll at rest, degrees.
@@ -64,16 +64,17 @@ pub fn of(evidence: &Evidence<'_>, rest: &RestInterval, states: &[State]) -> Opt
     let (roll, pitch, heading) = lying.nav.c_nb.euler();
     let jacobian = lying.nav.c_nb.euler_jacobian();
     let att = lying.p.fixed_view::<3, 3>(ATT, ATT);
+    // Roll and pitch are the car's: how the sensor sits in it is known to its mounting's sd.
+    let mounting = evidence.epochs.header.imu.mounting_sd;
     let sd = |i: usize| {
         let row = jacobian.row(i).into_owned();
-        (row * att * row.transpose())[0]
-            .max(0.0)
-            .sqrt()
-            .to_degrees()
+        let own = (row * att * row.transpose())[0].max(0.0);
+        (own + mounting[i].powi(2)).sqrt().to_degrees()
     };
     let end = list.last().map_or(0.0, |e| e.t_s);
     Some(FinalRest {
         stop_t_s: stop,
+        settled_t_s: list.get(rest.settled).map_or(end, |e| e.t_s - e.dt),
         duration_s: end - stop.value,
         roll_deg: Figure::new(roll.to_degrees(), sd(0), q),
         pitch_deg: Figure::new(pitch.to_degrees(), sd(1), q),
@@ -83,7 +84,7 @@ pub fn of(evidence: &Evidence<'_>, rest: &RestInterval, states: &[State]) -> Opt
     })
 }
 
-/// When the car stands: the last moment above a creep, drawn on by the deceleration there.
+/// When the car stands: the end of the last sample above a creep.
 fn stop(evidence: &Evidence<'_>, rest: &RestInterval) -> Figure {
     let list = &evidence.epochs.list;
     let speed = |k: usize| evidence.snapshots[k].nav.v_n.v.xy().norm();
@@ -97,11 +98,8 @@ fn stop(evidence: &Evidence<'_>, rest: &RestInterval) -> Figure {
     let span = (list[k].t_s - list[from].t_s).max(list[k].dt);
     let loss = ((speed(from) - speed(k)) / span).max(LEAST_DECELERATION);
     let p = &evidence.snapshots[k].p;
-    let v = p[(3, 3)].max(p[(4, 4)]).max(0.0).sqrt();
-    let on = speed(k) / loss;
-    // How the last bit of speed is lost is not known: a third of the time it takes.
-    let sd = (v / loss).hypot(STOP_SD_S).hypot(on / 3.0);
-    Figure::new(list[k].t_s + on, sd, q)
+    let v = p[(VEL, VEL)].max(p[(VEL + 1, VEL + 1)]).max(0.0).sqrt();
+    Figure::new(list[k].t_s, (v / loss).hypot(list[k].dt), q)
 }
 
 fn from_impact(

@@ -95,6 +95,17 @@ pub(crate) fn all(evidence: &Evidence<'_>, pulse: &Pulse) -> Vec<PulseTimes> {
     ]
 }
 
+/// One sigma of the end of a pulse: how far apart the rules put it. A pulse that fades has no sharper end.
+#[must_use]
+pub(crate) fn end_doubt(times: &[PulseTimes]) -> f64 {
+    let ends = || times.iter().filter_map(|t| t.end_t_s).map(|f| f.value);
+    let (low, high) = (
+        ends().fold(f64::INFINITY, f64::min),
+        ends().fold(f64::NEG_INFINITY, f64::max),
+    );
+    if high > low { 0.5 * (high - low) } else { 0.0 }
+}
+
 /// First and one-past-last epoch looked at, and the one of the largest acceleration.
 fn stretch(evidence: &Evidence<'_>, pulse: &Pulse) -> (usize, usize, usize) {
     let list = &evidence.epochs.list;

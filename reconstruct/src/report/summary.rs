@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::export::fixed::{hex, utc};
 use crate::findings::{Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction};
 use crate::report::case::Case;
-use crate::report::number;
+use crate::report::{number, summary_details};
 
 /// Version of the structure of `summary.json`.
 pub const SUMMARY_VERSION: &str = "1.0";
@@ -68,6 +68,7 @@ pub fn summary(r: &Reconstruction, case: &Case<'_>) -> Value {
             .collect(),
     );
     out.insert("comparisons".into(), comparisons(r));
+    summary_details::insert(&mut out, r);
     out.insert("limits".into(), json!(r.limits));
     out.insert("road".into(), road(r));
     out.insert("wheels".into(), wheels(r));
@@ -224,6 +225,9 @@ fn impact(i: &Impact) -> Map<String, Value> {
     bounded(&mut map, "t", "s", &i.t_s);
     bounded(&mut map, "speed", "mps", &i.speed_mps);
     bounded(&mut map, "heading", "deg", &i.heading_deg);
+    bounded(&mut map, "north", "m", &i.north_m);
+    bounded(&mut map, "east", "m", &i.east_m);
+    map.insert("cov_north_east_m2".into(), finite(i.cov_north_east_m2));
     map
 }
 
@@ -247,6 +251,7 @@ fn delta_v(d: &DeltaV) -> Value {
     map.insert("end_t_s".into(), finite(d.end_t_s));
     map.insert("lower_bound".into(), json!(d.lower_bound));
     map.insert("point".into(), json!(d.point));
+    summary_details::pulse(&mut map, d);
     Value::Object(map)
 }
 
