@@ -1,11 +1,32 @@
 //! What the investigator asks: impact speed, delta-V, braking, distance, and what limits the answer.
 
+use crate::findings::agreement::Comparison;
+use crate::findings::curve::{CurvePoint, Maximum};
+use crate::findings::details::Details;
+use crate::findings::pulse_times::PulseTimes;
 use crate::trajectory::State;
 
+pub mod agreement;
 pub mod crash;
+pub mod curve;
+pub mod delta_v;
+pub mod details;
+pub mod extremes;
+pub mod final_rest;
 pub mod limits;
+pub mod pulse_times;
+pub mod reaction;
+pub mod rollover;
 
 impl Figure {
+    /// No number at all.
+    pub const NONE: Self = Self {
+        value: f64::NAN,
+        sd: f64::NAN,
+        low: f64::NAN,
+        high: f64::NAN,
+    };
+
     /// A value with its sigma and the bounds `quantile` sigmas away.
     #[must_use]
     pub fn new(value: f64, sd: f64, quantile: f64) -> Self {
@@ -46,9 +67,10 @@ pub struct Figure {
 pub struct Rest {
     /// True if the record ends at rest.
     pub found: bool,
-    /// Start of the final rest, seconds from the trigger; `None` if there is none.
+    /// When the car last moved, seconds from the trigger; `None` if the record ends moving. The quiet interval may
+    /// begin earlier, while the car still creeps.
     pub t_s: Option<f64>,
-    /// Length of the rest interval, s.
+    /// Length of the quiet interval, s.
     pub duration_s: f64,
     /// Why it is or is not believed, one sentence.
     pub reason: String,
@@ -63,29 +85,98 @@ pub struct Impact {
     pub speed_mps: Figure,
     /// Heading at the onset, degrees.
     pub heading_deg: Figure,
+    /// Place of the IMU at the onset, north, m.
+    pub north_m: Figure,
+    /// East, m.
+    pub east_m: Figure,
+    /// Covariance of the two, m^2.
+    pub cov_north_east_m2: f64,
     /// Delta-V of the pulse.
     pub delta_v: DeltaV,
 }
 
-/// Change of velocity over one pulse, at the centre of gravity if its place is known, in body axes at the onset.
+/// Change of velocity over one pulse, at the centre of gravity if its place is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeltaV {
-    /// Along body x, m/s (negative in a frontal crash).
+    /// Along body x at the onset, m/s (negative in a frontal crash).
     pub longitudinal_mps: Figure,
-    /// Along body y, m/s.
+    /// Along body y at the onset, m/s.
     pub lateral_mps: Figure,
+    /// Covariance of the two, (m/s)^2.
+    pub cov_longitudinal_lateral: f64,
     /// Horizontal resultant, m/s.
     pub resultant_mps: Figure,
     /// Principal direction of force, degrees: 0 frontal, positive clockwise (from the right).
     pub pdof_deg: Figure,
+    /// Over the ground, north, m/s.
+    pub north_mps: Figure,
+    /// Over the ground, east, m/s.
+    pub east_mps: Figure,
+    /// Covariance of the two, (m/s)^2.
+    pub cov_north_east: f64,
+    /// Direction over the ground into which the velocity changed, degrees clockwise from north.
+    pub azimuth_deg: Figure,
+    /// Yaw rate at the end of the pulse less that at its onset, degrees/s.
+    pub yaw_rate_change_degps: Figure,
     /// Length of the pulse, s.
     pub duration_s: Figure,
     /// End of the pulse, seconds from the trigger.
     pub end_t_s: f64,
-    /// True where sensors were clipped: the true delta-V is at least this.
+    /// True where sensors were clipped and nothing else tells: the true delta-V is at least this.
     pub lower_bound: bool,
+    /// True where an accelerometer stood at its limit in the pulse.
+    pub clipped: bool,
     /// `cg` if referred to the centre of gravity, `imu` if its place is not known.
     pub point: &'static str,
+    /// Begin and end after each named rule.
+    pub times: Vec<PulseTimes>,
+    /// Cumulative delta-V at the record's samples; empty where the model gives none.
+    pub curve: Vec<CurvePoint>,
+    /// Maximum within 300 ms; `None` where the model gives none.
+    pub maximum: Option<Maximum>,
+}
+
+impl DeltaV {
+    /// Opens every bound that rests on the velocities.
+    pub(crate) fn without_bounds(&mut self) {
+        for figure in [
+            &mut self.longitudinal_mps,
+            &mut self.lateral_mps,
+            &mut self.resultant_mps,
+            &mut self.pdof_deg,
+            &mut self.north_mps,
+            &mut self.east_mps,
+            &mut self.azimuth_deg,
+        ] {
+            *figure = Figure::new(figure.value, f64::INFINITY, 1.0);
+        }
+    }
+}
+
+impl Default for DeltaV {
+    fn default() -> Self {
+        let none = Figure::NONE;
+        Self {
+            longitudinal_mps: none,
+            lateral_mps: none,
+            cov_longitudinal_lateral: 0.0,
+            resultant_mps: none,
+            pdof_deg: none,
+            north_mps: none,
+            east_mps: none,
+            cov_north_east: 0.0,
+            azimuth_deg: none,
+            yaw_rate_change_degps: none,
+            duration_s: none,
+            end_t_s: 0.0,
+            lower_bound: false,
+            clipped: false,
+            point: "imu",
+            times: Vec::new(),
+            curve: Vec::new(),
+            maximum: None,
+        }
+    }
 }
 
 /// Braking before the impact (or before the final stop where there was no impact).
@@ -102,14 +193,37 @@ pub struct Braking {
 /// The answer of one model, for the comparison side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelAnswer {
-    /// `dead-reckoning`, `published`, `nine-state`.
+    /// `dead-reckoning`, `published`, `nine-state`, `refined`.
     pub name: &'static str,
     /// North at the start of the window, m; `sd` infinite (bounds empty) where the model has no covariance.
     pub start_north_m: Figure,
     /// East at the start of the window, m.
     pub start_east_m: Figure,
+    /// Covariance of the two, m^2.
+    pub start_cov_north_east_m2: f64,
     /// Speed at the first impact; `None` where there was none.
     pub impact_speed_mps: Option<Figure>,
+    /// The rest of its answer at the first impact; `None` where there was none.
+    pub impact: Option<AtImpact>,
+}
+
+/// What one model says of the first impact beside its speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtImpact {
+    /// North of the IMU at the onset, m.
+    pub north_m: Figure,
+    /// East, m.
+    pub east_m: Figure,
+    /// Covariance of the two, m^2.
+    pub cov_north_east_m2: f64,
+    /// Heading at the onset, degrees.
+    pub heading_deg: Figure,
+    /// Delta-V along body x at the onset, m/s.
+    pub longitudinal_mps: Figure,
+    /// Along body y, m/s.
+    pub lateral_mps: Figure,
+    /// Covariance of the two, (m/s)^2.
+    pub cov_longitudinal_lateral: f64,
 }
 
 /// How often a road limit bit.
@@ -165,6 +279,10 @@ pub struct Reconstruction {
     pub top_speed_t_s: f64,
     /// Answers side by side.
     pub models: Vec<ModelAnswer>,
+    /// Tests of their differences.
+    pub comparisons: Vec<Comparison>,
+    /// Everything beyond the main figures.
+    pub details: Details,
     /// Road limits.
     pub road: RoadUse,
     /// Wheels.

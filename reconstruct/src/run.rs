@@ -9,7 +9,10 @@ use crate::epochs::{Epoch, Epochs};
 use crate::error::ReconstructError;
 use crate::filter::{self, Setup, Snapshot, Tuning};
 use crate::findings::crash::{self, Evidence};
-use crate::findings::{Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, limits};
+use crate::findings::delta_v::JointPulse;
+use crate::findings::{
+    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, details, limits,
+};
 use crate::funnel::{self, Source};
 use crate::mechanize::Earth;
 use crate::motion::Motion;
@@ -81,6 +84,8 @@ pub struct Options {
     pub from_s: Option<f64>,
     /// End of the window.
     pub to_s: Option<f64>,
+    /// Length of the reaction window before the impact, s; 0 to 30.
+    pub reaction_s: f64,
     /// Weights of the nine-state filter.
     pub tuning: Tuning,
     /// Spreads and gates of the refined model.
@@ -98,6 +103,7 @@ impl Default for Options {
             confidence: 0.95,
             from_s: None,
             to_s: None,
+            reaction_s: 5.0,
             tuning: Tuning::default(),
             refined: refined::Tuning::default(),
             smoother: Smoother::default(),
@@ -112,6 +118,13 @@ impl Options {
                 option: "confidence",
                 expected: "a number between 0 and 1",
                 found: self.confidence.to_string(),
+            });
+        }
+        if !(0.0..=30.0).contains(&self.reaction_s) {
+            return Err(ReconstructError::Option {
+                option: "reaction window",
+                expected: "0 to 30 seconds",
+                found: self.reaction_s.to_string(),
             });
         }
         if let Some(pose) = self.rest_pose
@@ -160,7 +173,10 @@ pub fn reconstruct(record: &Record, options: &Options) -> Result<Reconstruction,
         completion: &record.completion,
         utc_zero_ns: zero.checked_add(record.header.clock.offset_ns),
     };
-    from_epochs(&epochs, &facts, options)
+    let mut result = from_epochs(&epochs, &facts, options)?;
+    let states = &result.states;
+    result.details.reaction.fill_brake(&record.aux, states);
+    Ok(result)
 }
 
 /// Reconstructs from epochs: what [`reconstruct`] does once the samples are on one time line.
@@ -216,7 +232,10 @@ pub fn from_epochs(
         motion: &motion,
         snapshots: &ran.snapshots,
         quantile,
+        joint: &ran.joint,
+        wheels_only: options.model == Model::DeadReckoning,
     };
+    let details = details::of(&evidence, &rest, &states, [from, to], options.reaction_s);
     let rest_from = rest.found().then_some(rest.range.start);
     let first = &states[0];
     let top = states
@@ -231,7 +250,7 @@ pub fn from_epochs(
         confidence: options.confidence,
         rest: Rest {
             found: rest.found(),
-            t_s: rest_from.map(|k| epochs.list[k].t_s - epochs.list[k].dt),
+            t_s: details.final_rest.as_ref().map(|r| r.stop_t_s.value),
             duration_s: rest.duration_s,
             reason: rest.reason.clone(),
         },
@@ -241,7 +260,9 @@ pub fn from_epochs(
         start_speed_mps: Figure::new(first.speed, first.sd_speed, quantile),
         top_speed_mps: Figure::new(top.speed, top.sd_speed, quantile),
         top_speed_t_s: top.t_s,
+        comparisons: agreement::compare(&ran.answers, options.confidence),
         models: ran.answers,
+        details,
         road: road_use,
         wheels: ran.wheels,
         missing_samples: missing,
@@ -264,6 +285,8 @@ struct Ran {
     answers: Vec<ModelAnswer>,
     /// Snapshots of the model asked for.
     snapshots: Vec<Snapshot>,
+    /// Its joint covariances of the pulses, where it has them.
+    joint: Vec<Option<JointPulse>>,
     /// Its use of the wheels.
     wheels: WheelUse,
 }
@@ -310,8 +333,10 @@ fn run_models(
             motion: setup.motion,
             snapshots: &snapshots,
             quantile,
+            joint: &[],
+            wheels_only: model == Model::DeadReckoning,
         };
-        answers.push(answer(model, &evidence, from));
+        answers.push(agreement::answer(model.name(), &evidence, from));
         if model == asked {
             kept = Some(snapshots);
         }
@@ -324,6 +349,7 @@ fn run_models(
     Ok(Ran {
         answers,
         snapshots,
+        joint: Vec::new(),
         wheels,
     })
 }
@@ -348,21 +374,6 @@ fn window(epochs: &Epochs, options: &Options) -> Result<(usize, usize), Reconstr
         });
     }
     Ok((from, to))
-}
-
-fn answer(model: Model, evidence: &Evidence<'_>, from: usize) -> ModelAnswer {
-    let snapshot = &evidence.snapshots[from];
-    let sd = |i: usize| snapshot.p[(i, i)].max(0.0).sqrt();
-    ModelAnswer {
-        name: model.name(),
-        start_north_m: Figure::new(snapshot.nav.r_n.v.x, sd(0), evidence.quantile),
-        start_east_m: Figure::new(snapshot.nav.r_n.v.y, sd(1), evidence.quantile),
-        impact_speed_mps: evidence
-            .motion
-            .impacts
-            .first()
-            .map(|pulse| crash::speed_at(evidence, pulse)),
-    }
 }
 
 /// Seconds of a count of 10 ms samples.

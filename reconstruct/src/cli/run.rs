@@ -43,6 +43,9 @@ pub(crate) struct Args {
     /// End of the window, seconds from the first trigger
     #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
+    /// Length of the reaction-window table before the impact, 0 to 30 s
+    #[arg(long, default_value = "5", value_name = "SECONDS", value_parser = reaction)]
+    reaction: f64,
     /// Print the summary as JSON instead of the screen
     #[arg(long)]
     json: bool,
@@ -76,6 +79,15 @@ fn confidence(text: &str) -> Result<f64, String> {
         Ok(share)
     } else {
         Err("expected a share from 0.01 to 0.9999".to_owned())
+    }
+}
+
+fn reaction(text: &str) -> Result<f64, String> {
+    let length = number(text)?;
+    if (0.0..=30.0).contains(&length) {
+        Ok(length)
+    } else {
+        Err("expected 0 to 30 seconds".to_owned())
     }
 }
 
@@ -131,6 +143,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         confidence: args.confidence,
         from_s: args.from,
         to_s: args.to,
+        reaction_s: args.reaction,
         ..Options::default()
     };
     let loaded = Loaded::open(&args.record, &args.identity)?;

@@ -15,16 +15,31 @@ pub fn to_true_north(r: &mut Reconstruction) {
     for state in &mut r.states {
         turn_state(state, &pose);
     }
+    let turn = Turn::new(&pose, quantile);
     for impact in &mut r.impacts {
-        let heading = &impact.heading_deg;
-        impact.heading_deg = Figure::new(
-            (heading.value + pose.heading_deg).rem_euclid(360.0),
-            heading.sd.hypot(pose.sd_deg),
-            quantile,
+        turn.heading(&mut impact.heading_deg);
+        turn.pair(
+            &mut impact.north_m,
+            &mut impact.east_m,
+            &mut impact.cov_north_east_m2,
+        );
+        let dv = &mut impact.delta_v;
+        turn.pair(&mut dv.north_mps, &mut dv.east_mps, &mut dv.cov_north_east);
+        turn.heading(&mut dv.azimuth_deg);
+    }
+    for row in &mut r.details.reaction.rows {
+        turn.heading(&mut row.heading_deg);
+        turn.pair(
+            &mut row.north_m,
+            &mut row.east_m,
+            &mut row.cov_north_east_m2,
         );
     }
+    if let Some(rest) = &mut r.details.final_rest {
+        turn.heading(&mut rest.heading_deg);
+    }
     for model in &mut r.models {
-        turn_answer(model, &pose, quantile);
+        turn_answer(model, &turn);
     }
 }
 
@@ -57,27 +72,73 @@ fn turn_state(state: &mut State, pose: &RestPose) {
     state.sd_heading = state.sd_heading.hypot(pose.sd_deg.to_radians());
 }
 
-/// The answer of a model has no covariance of north and east; the widest it could have is taken.
-fn turn_answer(model: &mut ModelAnswer, pose: &RestPose, quantile: f64) {
-    let heading = pose.heading_deg.to_radians();
-    let (s, c) = heading.sin_cos();
-    let (sd_n, sd_e) = (model.start_north_m.sd, model.start_east_m.sd);
-    let [north, east] = turned(
-        [model.start_north_m.value, model.start_east_m.value],
-        heading,
+fn turn_answer(model: &mut ModelAnswer, turn: &Turn) {
+    turn.pair(
+        &mut model.start_north_m,
+        &mut model.start_east_m,
+        &mut model.start_cov_north_east_m2,
     );
-    let doubt = pose.sd_deg.to_radians();
-    let widest = |a: f64, b: f64| {
-        if a.is_finite() && b.is_finite() {
-            a + b
-        } else {
-            f64::INFINITY
+    if let Some(impact) = &mut model.impact {
+        turn.heading(&mut impact.heading_deg);
+        turn.pair(
+            &mut impact.north_m,
+            &mut impact.east_m,
+            &mut impact.cov_north_east_m2,
+        );
+    }
+}
+
+/// A turn by the heading at rest, with its doubt.
+pub(crate) struct Turn {
+    heading: f64,
+    doubt: f64,
+    quantile: f64,
+}
+
+impl Turn {
+    /// By the pose's heading.
+    pub(crate) fn new(pose: &RestPose, quantile: f64) -> Self {
+        Self {
+            heading: pose.heading_deg.to_radians(),
+            doubt: pose.sd_deg.to_radians(),
+            quantile,
         }
-    };
-    let sd_north = widest((c * sd_n).abs(), (s * sd_e).abs()).hypot(doubt * east);
-    let sd_east = widest((s * sd_n).abs(), (c * sd_e).abs()).hypot(doubt * north);
-    model.start_north_m = Figure::new(north, sd_north, quantile);
-    model.start_east_m = Figure::new(east, sd_east, quantile);
+    }
+
+    /// Turns a heading, degrees.
+    pub(crate) fn heading(&self, figure: &mut Figure) {
+        *figure = Figure::new(
+            (figure.value + self.heading.to_degrees()).rem_euclid(360.0),
+            figure.sd.hypot(self.doubt.to_degrees()),
+            self.quantile,
+        );
+    }
+
+    /// Turns a vector north and east with its covariance; an open bound leaves both open.
+    pub(crate) fn pair(&self, north: &mut Figure, east: &mut Figure, covariance: &mut f64) {
+        let (s, c) = self.heading.sin_cos();
+        let (vn, ve, cov) = (north.sd.powi(2), east.sd.powi(2), *covariance);
+        let open = [north.low, north.high, east.low, east.high]
+            .iter()
+            .any(|x| !x.is_finite());
+        let [n, e] = turned([north.value, east.value], self.heading);
+        let doubt = self.doubt * self.doubt;
+        let root = |variance: f64| {
+            if open {
+                f64::INFINITY
+            } else {
+                variance.max(0.0).sqrt()
+            }
+        };
+        let sd_n = root(c * c * vn + s * s * ve - 2.0 * s * c * cov + doubt * e * e);
+        let sd_e = root(s * s * vn + c * c * ve + 2.0 * s * c * cov + doubt * n * n);
+        *covariance = s * c * (vn - ve) + (c * c - s * s) * cov - doubt * n * e;
+        if !covariance.is_finite() {
+            *covariance = 0.0;
+        }
+        *north = Figure::new(n, sd_n, self.quantile);
+        *east = Figure::new(e, sd_e, self.quantile);
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What a result cannot tell: sentences, the weightiest first.
 
 use crate::epochs::Epochs;
-use crate::findings::Reconstruction;
+use crate::findings::{Reconstruction, agreement};
 use crate::motion::Motion;
 use crate::run::{Facts, seconds};
 
@@ -30,7 +30,7 @@ pub fn sentences(
         out.push(format!("The record is incomplete: {reason}."));
     }
     frame_of_reference(result, epochs, &mut out);
-    models(result, &mut out);
+    out.extend(agreement::sentences(&result.comparisons, result.model));
     out
 }
 
@@ -235,27 +235,5 @@ fn frame_of_reference(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<St
     }
     if epochs.header.clock.uncertainty_ns.is_none() {
         out.push("UTC is as the record's clock had it; its error cannot be told.".to_owned());
-    }
-}
-
-fn models(result: &Reconstruction, out: &mut Vec<String>) {
-    let find = |name: &str| {
-        result
-            .models
-            .iter()
-            .find(|m| m.name == name)
-            .and_then(|m| m.impact_speed_mps)
-    };
-    let (Some(ours), Some(wheels)) = (find("nine-state"), find("dead-reckoning")) else {
-        return;
-    };
-    let joint = ours.sd.hypot(wheels.sd);
-    if (ours.value - wheels.value).abs() > 2.6 * joint {
-        out.push(format!(
-            "The wheels alone give {:.0} km/h at the impact, the nine-state model {:.0} km/h: they disagree \
-             beyond their joint uncertainty, as braked or locked wheels do.",
-            wheels.value * 3.6,
-            ours.value * 3.6
-        ));
     }
 }

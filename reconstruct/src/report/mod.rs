@@ -9,6 +9,8 @@
 
 pub mod axis;
 pub mod case;
+pub(crate) mod finding_tables;
+pub(crate) mod impact_tables;
 pub mod labels;
 pub mod motion;
 pub(crate) mod motion_parts;
@@ -22,6 +24,7 @@ pub mod record_tables;
 #[cfg(test)]
 pub(crate) mod sample_case;
 pub mod summary;
+pub(crate) mod summary_details;
 pub mod svg;
 pub mod tables;
 pub mod terminal;

@@ -103,28 +103,30 @@ pub fn count(n: u64) -> String {
 }
 
 /// The direction a force came from, in words and on the clock's face; `pdof_deg` is 0 frontal, positive from
-/// the right.
+/// the right. The words go by sectors of their own: what is 40 degrees off is not *slightly* off.
 #[must_use]
 pub fn direction(pdof_deg: f64) -> (&'static str, u8) {
-    const WORDS: [(&str, u8); 12] = [
-        ("from straight ahead", 12),
-        ("from the front, slightly right", 1),
-        ("from the front right", 2),
-        ("from the right", 3),
-        ("from the rear right", 4),
-        ("from behind, slightly right", 5),
-        ("from straight behind", 6),
-        ("from behind, slightly left", 7),
-        ("from the rear left", 8),
-        ("from the left", 9),
-        ("from the front left", 10),
-        ("from the front, slightly left", 11),
-    ];
-    let sector = num::round_usize((pdof_deg.rem_euclid(360.0) / 30.0).round()) % 12;
-    WORDS
-        .get(sector)
-        .copied()
-        .unwrap_or(("from straight ahead", 12))
+    let angle = (pdof_deg + 180.0).rem_euclid(360.0) - 180.0;
+    let right = angle >= 0.0;
+    let pick = |on_right, on_left| if right { on_right } else { on_left };
+    let words = match angle.abs() {
+        a if a <= 10.0 => "from straight ahead",
+        a if a <= 30.0 => pick(
+            "from the front, slightly right",
+            "from the front, slightly left",
+        ),
+        a if a <= 70.0 => pick("from the front right", "from the front left"),
+        a if a <= 110.0 => pick("from the right", "from the left"),
+        a if a <= 150.0 => pick("from the rear right", "from the rear left"),
+        a if a <= 170.0 => pick("from behind, slightly right", "from behind, slightly left"),
+        a if a.is_finite() => "from straight behind",
+        _ => "from where cannot be told",
+    };
+    let hour = num::round_usize((angle.rem_euclid(360.0) / 30.0).round()) % 12;
+    (
+        words,
+        u8::try_from(hour).map_or(12, |h| if h == 0 { 12 } else { h }),
+    )
 }
 
 #[cfg(test)]
@@ -174,6 +176,7 @@ mod tests {
         assert_eq!(count(1_234_567), "1,234,567");
         assert_eq!(count(100), "100");
         assert_eq!(direction(0.0), ("from straight ahead", 12));
+        assert_eq!(direction(-42.0), ("from the front left", 11));
         assert_eq!(direction(-50.0), ("from the front left", 10));
         assert_eq!(direction(-14.0).1, 12);
         assert_eq!(direction(90.0).0, "from the right");

@@ -9,7 +9,7 @@ use crate::report::number::{self, KMH};
 use crate::report::pictures::Pictures;
 use crate::report::plan::View;
 use crate::report::svg::escape;
-use crate::report::{record_tables, summary, tables, words};
+use crate::report::{finding_tables, impact_tables, record_tables, summary, tables, words};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -35,10 +35,25 @@ pub fn html(r: &Reconstruction, case: &Case<'_>, pictures: &Pictures) -> String 
     out.push_str(&key(r));
     section(&mut out, "Summary", &paragraphs(&words::sentences(r, case)));
     out.push_str(&limits(r));
+    let before = if r.impacts.is_empty() {
+        "The last seconds before the stop"
+    } else {
+        "The last seconds before the impact"
+    };
+    section(&mut out, before, &finding_tables::reaction(r));
+    section(&mut out, "The impacts", &impact_tables::all(r));
+    section(&mut out, "Roll-over and rest", &finding_tables::rest(r));
     section(&mut out, "Path of the car", &path(r, pictures));
     section(&mut out, "Motion over time", &over_time(pictures));
     section(&mut out, "Figures and their bounds", &tables::figures(r));
     section(&mut out, "Models side by side", &models(r));
+    if !r.details.budgets.is_empty() {
+        section(
+            &mut out,
+            "Where the uncertainty comes from",
+            &finding_tables::budgets(r),
+        );
+    }
     section(
         &mut out,
         "The record",
@@ -213,10 +228,7 @@ fn over_time(pictures: &Pictures) -> String {
 }
 
 fn models(r: &Reconstruction) -> String {
-    format!(
-        "{}<p>The models use the same record. Where they differ by more than their bounds, the simpler one leaves something out that matters in this crash.</p>\n",
-        tables::models(r)
-    )
+    format!("{}{}", tables::models(r), finding_tables::agreement(r))
 }
 
 fn method(r: &Reconstruction) -> String {

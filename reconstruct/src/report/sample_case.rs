@@ -11,6 +11,7 @@ use schema::num;
 use schema::parts::{Clip, ClockStep, Completion, Gap, Health, SignalHealth, Trigger, TriggerKind};
 use schema::scale::{TwoSlope, WheelScale};
 
+use crate::findings::details::Details;
 use crate::findings::{
     Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction, Rest, RoadUse, WheelUse,
 };
@@ -127,6 +128,9 @@ fn findings(states: Vec<State>) -> Reconstruction {
             t_s: figure(-0.012, 0.003),
             speed_mps: figure(onset.speed, 0.09),
             heading_deg: figure(onset.heading.to_degrees(), 0.4),
+            north_m: figure(onset.position[0], 0.1),
+            east_m: figure(onset.position[1], 0.1),
+            cov_north_east_m2: 0.0,
             delta_v: DeltaV {
                 longitudinal_mps: figure(-10.7, 0.12),
                 lateral_mps: figure(3.9, 0.1),
@@ -134,8 +138,8 @@ fn findings(states: Vec<State>) -> Reconstruction {
                 pdof_deg: figure(-20.0, 1.4),
                 duration_s: figure(0.112, 0.008),
                 end_t_s: 0.1,
-                lower_bound: false,
                 point: "cg",
+                ..DeltaV::default()
             },
         }],
         braking: Some(Braking {
@@ -152,6 +156,8 @@ fn findings(states: Vec<State>) -> Reconstruction {
             answer("published", &start, 1.2, 1.9, onset.speed + 0.08),
             answer("nine-state", &start, 0.0, 1.4, onset.speed),
         ],
+        comparisons: Vec::new(),
+        details: Details::default(),
         road: RoadUse { samples: 2600, roll: 12, pitch: 0, vertical: 3 },
         wheels: WheelUse { offered: 3400, used: 2480, refused_physics: 610, refused_innovation: 22, below_cutoff: 288 },
         missing_samples: 15,
@@ -172,7 +178,9 @@ fn answer(name: &'static str, start: &State, off: f64, sd: f64, speed: f64) -> M
         name,
         start_north_m: figure(start.position[0] + off, sd),
         start_east_m: figure(start.position[1] - 0.6 * off, sd),
+        start_cov_north_east_m2: 0.0,
         impact_speed_mps: Some(figure(speed, if sd.is_finite() { 0.09 } else { sd })),
+        impact: None,
     }
 }
 

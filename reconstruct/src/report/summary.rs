@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::export::fixed::{hex, utc};
 use crate::findings::{Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction};
 use crate::report::case::Case;
-use crate::report::number;
+use crate::report::{number, summary_details};
 
 /// Version of the structure of `summary.json`.
 pub const SUMMARY_VERSION: &str = "1.0";
@@ -67,6 +67,8 @@ pub fn summary(r: &Reconstruction, case: &Case<'_>) -> Value {
             .map(|m| (m.name.to_owned(), model(m)))
             .collect(),
     );
+    out.insert("comparisons".into(), comparisons(r));
+    summary_details::insert(&mut out, r);
     out.insert("limits".into(), json!(r.limits));
     out.insert("road".into(), road(r));
     out.insert("wheels".into(), wheels(r));
@@ -145,11 +147,12 @@ pub fn finite(x: f64) -> Value {
     }
 }
 
-/// Inserts `NAME_UNIT`, `NAME_low_UNIT`, `NAME_high_UNIT`.
-fn bounded(map: &mut Map<String, Value>, name: &str, unit: &str, f: &Figure) {
+/// Inserts `NAME_UNIT`, its bounds `NAME_low_UNIT`, `NAME_high_UNIT`, and `NAME_sd_UNIT`.
+pub(crate) fn bounded(map: &mut Map<String, Value>, name: &str, unit: &str, f: &Figure) {
     map.insert(format!("{name}_{unit}"), finite(f.value));
     map.insert(format!("{name}_low_{unit}"), finite(f.low));
     map.insert(format!("{name}_high_{unit}"), finite(f.high));
+    map.insert(format!("{name}_sd_{unit}"), finite(f.sd));
 }
 
 fn record(case: &Case<'_>) -> Value {
@@ -222,6 +225,9 @@ fn impact(i: &Impact) -> Map<String, Value> {
     bounded(&mut map, "t", "s", &i.t_s);
     bounded(&mut map, "speed", "mps", &i.speed_mps);
     bounded(&mut map, "heading", "deg", &i.heading_deg);
+    bounded(&mut map, "north", "m", &i.north_m);
+    bounded(&mut map, "east", "m", &i.east_m);
+    map.insert("cov_north_east_m2".into(), finite(i.cov_north_east_m2));
     map
 }
 
@@ -245,6 +251,7 @@ fn delta_v(d: &DeltaV) -> Value {
     map.insert("end_t_s".into(), finite(d.end_t_s));
     map.insert("lower_bound".into(), json!(d.lower_bound));
     map.insert("point".into(), json!(d.point));
+    summary_details::pulse(&mut map, d);
     Value::Object(map)
 }
 
@@ -262,19 +269,42 @@ fn model(m: &ModelAnswer) -> Value {
     bounded(&mut start, "east", "m", &m.start_east_m);
     let mut map = Map::new();
     map.insert("start".into(), Value::Object(start));
-    let none = Figure {
-        value: f64::NAN,
-        sd: f64::NAN,
-        low: f64::NAN,
-        high: f64::NAN,
-    };
     bounded(
         &mut map,
         "impact_speed",
         "mps",
-        m.impact_speed_mps.as_ref().unwrap_or(&none),
+        m.impact_speed_mps.as_ref().unwrap_or(&Figure::NONE),
     );
+    let impact = m.impact.as_ref().map(|i| {
+        let mut map = Map::new();
+        bounded(&mut map, "north", "m", &i.north_m);
+        bounded(&mut map, "east", "m", &i.east_m);
+        bounded(&mut map, "heading", "deg", &i.heading_deg);
+        bounded(&mut map, "delta_v_longitudinal", "mps", &i.longitudinal_mps);
+        bounded(&mut map, "delta_v_lateral", "mps", &i.lateral_mps);
+        Value::Object(map)
+    });
+    map.insert("impact".into(), impact.unwrap_or(Value::Null));
     Value::Object(map)
+}
+
+/// The tests of the models' differences.
+fn comparisons(r: &Reconstruction) -> Value {
+    r.comparisons
+        .iter()
+        .map(|c| {
+            json!({
+                "quantity": c.quantity,
+                "models": c.models,
+                "difference": finite(c.difference),
+                "unit": c.unit,
+                "chi_square": finite(c.chi_square),
+                "degrees": c.degrees,
+                "limit": finite(c.limit),
+                "beyond": c.beyond(),
+            })
+        })
+        .collect()
 }
 
 fn road(r: &Reconstruction) -> Value {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::findings::{Figure, Reconstruction};
+use crate::findings::{AtImpact, Figure, Reconstruction};
 use crate::report::number::{self, KMH};
 use crate::report::svg::escape;
 
@@ -40,6 +40,29 @@ fn cells(f: &Figure, factor: f64, most: usize, unit: &str) -> Vec<String> {
         minus(low),
         minus(high),
     ]
+}
+
+/// `61.3 (60.1 to 62.5) km/h`; open bounds in words.
+pub(crate) fn with_bounds(f: &Figure, factor: f64, most: usize, unit: &str) -> String {
+    let shown = number::shown(f, factor, most);
+    let gap = if unit.is_empty() || unit.starts_with('\u{b0}') {
+        ""
+    } else {
+        " "
+    };
+    let text = match shown.bounds {
+        Some((low, high)) => format!("{}{gap}{unit} ({low} to {high})", shown.value),
+        None if f.low.is_finite() => {
+            let low = crate::export::fixed::fixed(f.low * factor, most.min(1));
+            format!("{}{gap}{unit} (at least {low})", shown.value)
+        }
+        None if f.high.is_finite() => {
+            let high = crate::export::fixed::fixed(f.high * factor, most.min(1));
+            format!("{}{gap}{unit} (at most {high})", shown.value)
+        }
+        None => format!("{}{gap}{unit} (no bounds)", shown.value),
+    };
+    text.replace('-', "\u{2212}")
 }
 
 /// Every figure with its bounds; speeds in km/h first, then m/s.
@@ -135,40 +158,40 @@ pub fn figures(r: &Reconstruction) -> String {
 pub fn models(r: &Reconstruction) -> String {
     let mut rows = String::new();
     for m in &r.models {
-        let place = |f: &Figure| {
-            let shown = number::shown(f, 1.0, 2);
-            match shown.bounds {
-                Some((low, high)) => format!("{} ({low} to {high})", shown.value),
-                None => format!("{} (no bounds)", shown.value),
-            }
-            .replace('-', "\u{2212}")
-        };
-        let speed = m.impact_speed_mps.as_ref().map_or_else(
-            || "no impact".to_owned(),
-            |f| {
-                let shown = number::shown(f, KMH, 1);
-                match shown.bounds {
-                    Some((low, high)) => format!("{} ({low} to {high})", shown.value),
-                    None => format!("{} (no bounds)", shown.value),
-                }
-            },
-        );
+        let none = || "no impact".to_owned();
+        let speed = |f: &Figure| with_bounds(f, KMH, 1, "");
+        let place = |f: &Figure| with_bounds(f, 1.0, 2, "");
         let name = if m.name == r.model {
             format!("{} (this report)", m.name)
         } else {
             m.name.to_owned()
         };
+        let at = |of: &dyn Fn(&AtImpact) -> String| m.impact.as_ref().map_or_else(none, of);
         row(
             &mut rows,
             &name,
-            &[speed, place(&m.start_north_m), place(&m.start_east_m)],
+            &[
+                m.impact_speed_mps.as_ref().map_or_else(none, speed),
+                at(&|i| with_bounds(&i.heading_deg, 1.0, 1, "")),
+                at(&|i| place(&i.north_m)),
+                at(&|i| place(&i.east_m)),
+                at(&|i| speed(&i.longitudinal_mps)),
+                at(&|i| speed(&i.lateral_mps)),
+                place(&m.start_north_m),
+                place(&m.start_east_m),
+            ],
         );
     }
     table(
-        "models",
+        "models plain",
         &[
             "Model",
             "Impact speed, km/h",
+            "Heading, \u{b0}",
+            "Impact: north, m",
+            "Impact: east, m",
+            "Delta-V forward, km/h",
+            "Delta-V right, km/h",
             "Start: north, m",
             "Start: east, m",
         ],

@@ -1,0 +1,108 @@
+//! Everything beyond the main figures, put together from one run's evidence.
+
+use crate::findings::Figure;
+use crate::findings::crash::Evidence;
+use crate::findings::extremes::{self, Extremes};
+use crate::findings::final_rest::{self, FinalRest};
+use crate::findings::reaction::{self, Reaction, Reference, way};
+use crate::findings::rollover::{self, RollOver};
+use crate::rest::RestInterval;
+use crate::trajectory::State;
+
+/// Events that begin not more than this apart are one crash of several events [49 CFR 563.5], s.
+pub const MULTI_EVENT_S: f64 = 5.0;
+
+/// From the onset of one impact to that of the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Time, s.
+    pub duration_s: Figure,
+    /// Way along the path, m.
+    pub path_m: Figure,
+}
+
+/// How much of one figure's variance comes from each source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Budget {
+    /// Which figure.
+    pub figure: String,
+    /// Source and its share of the variance, 0 to 1.
+    pub sources: Vec<(String, f64)>,
+}
+
+/// The findings beyond the main figures.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Details {
+    /// The last seconds before the impact.
+    pub reaction: Reaction,
+    /// Extremes before the first impact (or of the whole window where there was none).
+    pub before: Extremes,
+    /// Extremes after the first impact; `None` where there was none.
+    pub after: Option<Extremes>,
+    /// Roll-over; `None` where there was none.
+    pub rollover: Option<RollOver>,
+    /// Final rest; `None` where the record ends moving.
+    pub final_rest: Option<FinalRest>,
+    /// Between each impact and the next.
+    pub intervals: Vec<Interval>,
+    /// Impacts that begin within 5 s of the first one, itself included.
+    pub multi_event: u32,
+    /// Error budgets; empty where the model gives none.
+    pub budgets: Vec<Budget>,
+}
+
+/// The details of a run; `states` are those reported, `seconds` the length of the reaction window.
+#[must_use]
+pub fn of(
+    evidence: &Evidence<'_>,
+    rest: &RestInterval,
+    states: &[State],
+    [from, to]: [usize; 2],
+    seconds: f64,
+) -> Details {
+    let impacts = &evidence.motion.impacts;
+    let final_rest = final_rest::of(evidence, rest, states);
+    let first = impacts.first();
+    let reference = match (first, &final_rest) {
+        (Some(pulse), _) => Some((Reference::Impact, pulse.onset_s)),
+        (None, Some(lying)) => Some((Reference::Stop, lying.stop_t_s.value)),
+        (None, None) => None,
+    };
+    let reaction = reference.map_or_else(Reaction::default, |(reference, end_s)| Reaction {
+        reference,
+        rows: reaction::rows(evidence, states, seconds, end_s),
+        brake_unit: None,
+    });
+    let split = first.map_or(to, |pulse| (pulse.before + 1).clamp(from, to));
+    let turned_from = first.map_or(from, |pulse| pulse.before);
+    let turned_to = if rest.found() { rest.settled } else { to - 1 };
+    let intervals = impacts
+        .windows(2)
+        .map(|pair| Interval {
+            duration_s: Figure::new(
+                pair[1].onset_s - pair[0].onset_s,
+                pair[0].onset_sd_s.hypot(pair[1].onset_sd_s),
+                evidence.quantile,
+            ),
+            path_m: way(states, pair[0].onset_s, pair[1].onset_s, evidence.quantile),
+        })
+        .collect();
+    let together = first.map_or(0, |first| {
+        let near = |p: &&crate::motion::Pulse| p.onset_s - first.onset_s <= MULTI_EVENT_S;
+        impacts.iter().filter(near).count()
+    });
+    Details {
+        reaction,
+        before: extremes::of(evidence, from, split),
+        after: first.map(|_| extremes::of(evidence, split, to)),
+        rollover: rollover::of(
+            evidence,
+            turned_from,
+            turned_to.min(evidence.snapshots.len() - 1),
+        ),
+        final_rest,
+        intervals,
+        multi_event: u32::try_from(together).unwrap_or(u32::MAX),
+        budgets: Vec::new(),
+    }
+}
