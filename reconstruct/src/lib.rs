@@ -27,5 +27,6 @@ pub mod simulate;
 pub mod start;
 pub mod stats;
 pub mod trajectory;
+pub mod validate;
 
 pub use error::ReconstructError;

@@ -1,0 +1,146 @@
+//! The whole validation: simulated sets against their truth, with figures an assessor can tick off.
+//!
+//! In the order the data flows:
+//!
+//! 1. [`sets`]: classes by seeds, simulated and reconstructed on all cores ([`workers`]).
+//! 2. [`record`]: the record of a simulated crash, packed as the recorder packs it.
+//! 3. [`score`]: one reconstruction against the truth.
+//! 4. [`tables`]: error quantiles, coverage, NEES by class and instant; [`statistics`] gives each figure its own
+//!    uncertainty.
+//! 5. [`text`]: the screen.
+//!
+//! Same plan, same figures to the last bit, on any number of threads.
+
+pub mod record;
+pub mod score;
+pub mod sets;
+pub mod statistics;
+pub mod tables;
+pub mod text;
+pub mod workers;
+
+use crate::simulate::Class;
+use score::Score;
+use sets::{Case, Plan};
+use statistics::{Estimate, Share, quantile_estimate, sorted};
+use tables::{Row, rows};
+
+/// The group of all crashes.
+pub const ALL: &str = "all";
+
+/// What was found at all, by group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Class, or [`ALL`].
+    pub group: String,
+    /// Crashes scored of those simulated.
+    pub scored: Share,
+    /// True impacts that were found.
+    pub impacts: Share,
+    /// Impacts found that are none.
+    pub false_impacts: usize,
+    /// Records whose rest was found.
+    pub rest: Share,
+}
+
+/// The tables of one model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelTables {
+    /// Name of the model.
+    pub model: &'static str,
+    /// What was found.
+    pub found: Vec<Found>,
+    /// Figures.
+    pub rows: Vec<Row>,
+    /// Median ratio of the long half axis of the ellipse at -30 s to the ideal filter's; `None` if none was run.
+    pub width: Option<Estimate>,
+}
+
+/// A crash that could not be scored.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Class and seed.
+    pub crash: String,
+    /// Model.
+    pub model: &'static str,
+    /// Why.
+    pub reason: String,
+}
+
+/// Result of a simulated set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetResult {
+    /// One entry a model, in the order of the plan.
+    pub models: Vec<ModelTables>,
+    /// What could not be scored, never dropped silently.
+    pub failures: Vec<Failure>,
+}
+
+/// Tables of the cases of a plan.
+#[must_use]
+pub fn tabulate(plan: &Plan<'_>, cases: &[Case]) -> SetResult {
+    let mut failures = Vec::new();
+    let mut models = Vec::new();
+    for (place, model) in plan.models.iter().enumerate() {
+        let mut tables = ModelTables {
+            model: model.name(),
+            found: Vec::new(),
+            rows: Vec::new(),
+            width: width(cases, place),
+        };
+        let groups = std::iter::once(None).chain(plan.classes.iter().copied().map(Some));
+        for group in groups {
+            let members: Vec<&Case> = cases
+                .iter()
+                .filter(|case| group.is_none_or(|class| class == case.class))
+                .collect();
+            let scores: Vec<&Score> = members
+                .iter()
+                .filter_map(|case| case.scores.get(place)?.as_ref().ok())
+                .collect();
+            let name = group.map_or(ALL, Class::name);
+            tables.found.push(found(name, members.len(), &scores));
+            tables.rows.extend(rows(name, &scores));
+        }
+        for case in cases {
+            if let Some(Err(reason)) = case.scores.get(place) {
+                failures.push(Failure {
+                    crash: format!("{}-{}", case.class, case.seed),
+                    model: model.name(),
+                    reason: reason.clone(),
+                });
+            }
+        }
+        models.push(tables);
+    }
+    SetResult { models, failures }
+}
+
+fn found(group: &str, of: usize, scores: &[&Score]) -> Found {
+    Found {
+        group: group.to_owned(),
+        scored: Share {
+            hits: scores.len(),
+            of,
+        },
+        impacts: Share::count(
+            scores
+                .iter()
+                .flat_map(|s| s.impacts.iter().map(Option::is_some)),
+        ),
+        false_impacts: scores.iter().map(|s| s.false_impacts).sum(),
+        rest: Share::count(scores.iter().map(|s| s.rest_found)),
+    }
+}
+
+fn width(cases: &[Case], place: usize) -> Option<Estimate> {
+    let ratios: Vec<f64> = cases
+        .iter()
+        .filter_map(|case| {
+            let own = case.scores.get(place)?.as_ref().ok()?.moments[0].axis_m?;
+            let ideal = case.ideal_axis_m.as_ref()?[0]?;
+            (ideal > 0.0).then_some(own / ideal)
+        })
+        .collect();
+    quantile_estimate(&sorted(&ratios), 0.5)
+}
