@@ -1,13 +1,17 @@
 //! `reconstruct validate`: the whole validation, on all cores.
 
 use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
 
 use reconstruct::run::Model;
 use reconstruct::simulate::Class;
+use reconstruct::validate::faults::{self, Fault, FaultPlan};
+use reconstruct::validate::fixes::Window;
+use reconstruct::validate::folder::{self, FolderPlan, Unused};
 use reconstruct::validate::sets::{self, Plan};
-use reconstruct::validate::{tabulate, text, workers};
+use reconstruct::validate::{Settings, Validation, json, page, tabulate, text, workers};
 
-use crate::cli::{CliError, SOUND, print, run};
+use crate::cli::{CliError, GAPS, SOUND, print, print_json, run, write_file};
 
 /// Arguments of `validate`.
 #[derive(Debug, clap::Args)]
@@ -30,6 +34,41 @@ pub(crate) struct Args {
     /// Threads; as many as the machine has cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// No simulated crashes (only recordings, or only faults)
+    #[arg(long)]
+    no_simulated: bool,
+    /// Crashes with a fault in each as well: locked wheels, dropouts, clipping, gaps, power cut, roof, wrong sheet
+    #[arg(long)]
+    faults: bool,
+    /// Seeds of each fault, first and last
+    #[arg(long, default_value = "80001..80125", value_name = "FIRST..LAST", value_parser = seeds)]
+    fault_seeds: Seeds,
+    /// Folder of recordings with truth: NAME.truth.csv beside NAME.svb, or beside NAME.log with NAME.toml; may be given
+    /// several times
+    #[arg(long = "folder", value_name = "DIR")]
+    folders: Vec<PathBuf>,
+    /// Folder of the recorder's configurations NAME.toml, where they do not lie beside the logs
+    #[arg(long, value_name = "DIR")]
+    configs: Option<PathBuf>,
+    /// The recorder's program; the one beside this program if not given, else the one found by name
+    #[arg(long, value_name = "PROGRAM")]
+    recorder: Option<PathBuf>,
+    /// Folder for validate.html and validate.json; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    show: Show,
+}
+
+/// What goes to standard output.
+#[derive(Debug, clap::Args)]
+struct Show {
+    /// Print the tables by class and instant as well
+    #[arg(long)]
+    tables: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// First and last seed.
@@ -69,24 +108,123 @@ fn seeds(text: &str) -> Result<Seeds, String> {
 
 /// Runs the command; gives the exit code.
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
-    let mut models = Vec::new();
-    for model in &args.models {
-        if !models.contains(model) {
-            models.push(*model);
-        }
+    if let Some(out) = &args.out {
+        // Before minutes of work, not after.
+        std::fs::create_dir_all(out).map_err(|error| CliError::file(out, error))?;
     }
+    let models = once(&args.models);
+    let threads = args.threads.map_or_else(workers::cores, usize::from);
     let plan = Plan {
-        classes: args.classes.clone(),
+        classes: if args.no_simulated {
+            Vec::new()
+        } else {
+            once(&args.classes)
+        },
         seeds: args.seeds.first..=args.seeds.last,
-        models,
-        threads: args.threads.map_or_else(workers::cores, usize::from),
+        models: models.clone(),
+        threads,
         ideal: None,
     };
     let mut progress = Progress::new("crashes");
     let cases = sets::run(&plan, |done, all| progress.show(done, all));
-    let set = tabulate(&plan, &cases);
-    print(&text::screen(&set))?;
-    Ok(SOUND)
+    let mut set = tabulate(&plan, &cases);
+    let faults = if args.faults {
+        let plan = FaultPlan {
+            faults: Fault::ALL.to_vec(),
+            seeds: args.fault_seeds.first..=args.fault_seeds.last,
+            models: models.clone(),
+            threads,
+        };
+        let mut progress = Progress::new("crashes with faults");
+        let (faults, failures) = faults::run(&plan, |done, all| progress.show(done, all));
+        set.failures.extend(failures);
+        faults
+    } else {
+        Vec::new()
+    };
+    let (windows, unused) = recordings(args, &models)?;
+    let pair = |seeds: Seeds| [seeds.first, seeds.last];
+    let validation = Validation {
+        settings: Settings {
+            classes: plan.classes.iter().map(|c| c.name()).collect(),
+            seeds: pair(args.seeds),
+            models: models.iter().map(|m| m.name()).collect(),
+            fault_seeds: args.faults.then(|| pair(args.fault_seeds)),
+            folders: args
+                .folders
+                .iter()
+                .map(|f| f.display().to_string())
+                .collect(),
+        },
+        set,
+        faults,
+        windows,
+        unused,
+    };
+    let value = json::json(&validation);
+    if let Some(out) = &args.out {
+        write_file(
+            &out.join("validate.json"),
+            format!("{value:#}\n").as_bytes(),
+        )?;
+        write_file(
+            &out.join("validate.html"),
+            page::html(&validation).as_bytes(),
+        )?;
+    }
+    if args.show.json {
+        print_json(&value)?;
+    } else {
+        print(&text::summary(&validation))?;
+        if args.show.tables {
+            print(&text::screen(&validation.set))?;
+        }
+    }
+    Ok(if validation.whole() { SOUND } else { GAPS })
+}
+
+/// Each once, in the order given.
+fn once<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    let mut out = Vec::new();
+    for item in list {
+        if !out.contains(item) {
+            out.push(*item);
+        }
+    }
+    out
+}
+
+fn recordings(args: &Args, models: &[Model]) -> Result<(Vec<Window>, Vec<Unused>), CliError> {
+    if args.folders.is_empty() {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    for folder in args.folders.iter().chain(&args.configs) {
+        std::fs::read_dir(folder).map_err(|error| CliError::file(folder, error))?;
+    }
+    let scratch = std::env::temp_dir().join(format!("svartboks-validate-{}", std::process::id()));
+    std::fs::create_dir_all(&scratch).map_err(|error| CliError::file(&scratch, error))?;
+    let plan = FolderPlan {
+        folders: args.folders.clone(),
+        configs: args.configs.clone(),
+        recorder: args.recorder.clone().unwrap_or_else(recorder),
+        scratch: scratch.clone(),
+        models: models.to_vec(),
+    };
+    let result = folder::run(&plan, |name| {
+        let _ = writeln!(io::stderr(), "recording {name}");
+    });
+    let _ = std::fs::remove_dir_all(&scratch);
+    Ok(result)
+}
+
+/// The recorder beside this program, else by name alone.
+fn recorder() -> PathBuf {
+    let name = format!("recorder{}", std::env::consts::EXE_SUFFIX);
+    std::env::current_exe()
+        .ok()
+        .map(|own| own.with_file_name(&name))
+        .filter(|path| path.is_file())
+        .unwrap_or_else(|| PathBuf::from(name))
 }
 
 /// One line on standard error: how many are done, at what rate, and how long the rest will take.

@@ -7,10 +7,20 @@
 //! 3. [`score`]: one reconstruction against the truth.
 //! 4. [`tables`]: error quantiles, coverage, NEES by class and instant; [`statistics`] gives each figure its own
 //!    uncertainty.
-//! 5. [`text`]: the screen.
+//! 5. [`faults`]: the same with a fault in each crash; [`folder`], [`fixes`]: recordings with truth.
+//! 6. [`bars`]: what must hold, and whether it does.
+//! 7. [`text`]: the screen; [`json`]: `validate.json`; [`page`], [`pictures`]: `validate.html`.
 //!
 //! Same plan, same figures to the last bit, on any number of threads.
 
+pub mod bars;
+pub mod faults;
+pub mod fixes;
+pub mod folder;
+pub mod json;
+pub mod page;
+mod page_tables;
+pub mod pictures;
 pub mod record;
 pub mod score;
 pub mod sets;
@@ -74,6 +84,50 @@ pub struct SetResult {
     pub models: Vec<ModelTables>,
     /// What could not be scored, never dropped silently.
     pub failures: Vec<Failure>,
+}
+
+/// What was asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Classes simulated; empty: none.
+    pub classes: Vec<&'static str>,
+    /// First and last seed of each class.
+    pub seeds: [u64; 2],
+    /// Models.
+    pub models: Vec<&'static str>,
+    /// First and last seed of each fault; `None`: no faults.
+    pub fault_seeds: Option<[u64; 2]>,
+    /// Folders of recordings.
+    pub folders: Vec<String>,
+}
+
+/// The whole validation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Validation {
+    /// What was asked for.
+    pub settings: Settings,
+    /// The simulated set.
+    pub set: SetResult,
+    /// Faults, by model and fault.
+    pub faults: Vec<faults::FaultTables>,
+    /// Windows of recordings.
+    pub windows: Vec<fixes::Window>,
+    /// Recordings that could not be used.
+    pub unused: Vec<folder::Unused>,
+}
+
+impl Validation {
+    /// The list of what must hold, for one model.
+    #[must_use]
+    pub fn bars(&self, tables: &ModelTables) -> Vec<bars::Bar> {
+        bars::bars(tables, &self.faults, &self.windows)
+    }
+
+    /// True if everything asked for was scored.
+    #[must_use]
+    pub fn whole(&self) -> bool {
+        self.set.failures.is_empty() && self.unused.is_empty()
+    }
 }
 
 /// Tables of the cases of a plan.

@@ -4,16 +4,50 @@ use std::fmt::Write as _;
 
 use crate::validate::score::BACK_S;
 use crate::validate::tables::{Figures, Measure, When, find};
-use crate::validate::{ModelTables, SetResult};
+use crate::validate::{ModelTables, SetResult, Validation};
 
 /// Failures named one by one on the screen; the rest are counted.
 const NAMED: usize = 10;
+
+/// What must hold, every model beside the other's list.
+#[must_use]
+pub fn summary(v: &Validation) -> String {
+    let mut out = String::new();
+    for tables in &v.set.models {
+        let bars = v.bars(tables);
+        let count = |met| bars.iter().filter(|b| b.met == met).count();
+        let _ = writeln!(
+            out,
+            "{}: {} bars met, {} not met, {} not measured",
+            tables.model,
+            count(Some(true)),
+            count(Some(false)),
+            count(None)
+        );
+        for bar in &bars {
+            let _ = writeln!(
+                out,
+                "{} {:<12} {}: {}; bar: {}",
+                bar.item,
+                bar.verdict(),
+                bar.what,
+                bar.measured,
+                bar.bar
+            );
+        }
+        out.push('\n');
+    }
+    for unused in &v.unused {
+        let _ = writeln!(out, "not used: {}: {}", unused.name, unused.reason);
+    }
+    out
+}
 
 /// Every table of a set.
 #[must_use]
 pub fn screen(set: &SetResult) -> String {
     let mut out = String::new();
-    for tables in &set.models {
+    for tables in set.models.iter().filter(|t| !t.rows.is_empty()) {
         model(&mut out, tables);
     }
     if !set.failures.is_empty() {
