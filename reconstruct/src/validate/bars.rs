@@ -52,6 +52,19 @@ impl Bar {
         }
     }
 
+    /// What an item of the list is about.
+    #[must_use]
+    pub fn title(item: u8) -> &'static str {
+        match item {
+            1 => "impact speed",
+            2 => "path and heading",
+            3 => "delta-V at the centre of gravity",
+            4 => "honest bounds",
+            5 => "real drives",
+            _ => "faults",
+        }
+    }
+
     /// `met`, `not met` or `not measured`.
     #[must_use]
     pub fn verdict(&self) -> &'static str {
@@ -176,16 +189,6 @@ fn bounds(out: &mut Vec<Bar>, tables: &ModelTables) {
         let figures = find(&tables.rows, ALL, *measure, *when);
         out.push(coverage(*measure, *when, figures));
     }
-    for (measure, when) in &places {
-        let nees = find(&tables.rows, ALL, *measure, *when).and_then(|f| f.nees);
-        out.push(Bar {
-            item: 4,
-            what: format!("{} at {}, mean NEES/n", measure.name(), when.name()),
-            measured: nees.map_or("not measured".to_owned(), |e| shown(e, "")),
-            bar: format!("{} to {}", NEES[0], NEES[1]),
-            met: nees.map(|e| (NEES[0]..=NEES[1]).contains(&e.value)),
-        });
-    }
     let worst = tables
         .rows
         .iter()
@@ -200,7 +203,7 @@ fn bounds(out: &mut Vec<Bar>, tables: &ModelTables) {
                 format!(
                     "{}, {} at {}",
                     row.group,
-                    row.measure.name(),
+                    row.measure.words(),
                     row.when.name()
                 ),
                 e,
@@ -216,7 +219,7 @@ fn bounds(out: &mut Vec<Bar>, tables: &ModelTables) {
     out.push(least(
         4,
         "inside the 95 % bounds, worst measure over all crashes (the bound of nine-state)",
-        all.map(|(row, e)| (format!("{} at {}", row.measure.name(), row.when.name()), e)),
+        all.map(|(row, e)| (format!("{}, {}", row.measure.words(), row.when.name()), e)),
     ));
     out.push(Bar::most(
         4,
@@ -236,32 +239,47 @@ fn honest() -> Vec<(Measure, When)> {
     moments.chain(impacts).collect()
 }
 
+/// Coverage at the four levels and the mean squared error in units of the covariance: both must hold.
 fn coverage(measure: Measure, when: When, figures: Option<&Figures>) -> Bar {
-    let shares = figures.and_then(|f| f.coverage);
-    let percents = shares.map(|s| s.map(|share| 100.0 * share.value()));
-    let measured = shares
+    let found = figures.and_then(|f| Some((f.coverage?, f.nees)));
+    let percents = found.map(|(shares, _)| shares.map(|share| 100.0 * share.value()));
+    let measured = found
         .zip(percents)
-        .map_or("not measured".to_owned(), |(s, p)| {
-            let at95 = s[2].estimate().map_or(String::new(), |e| {
+        .map_or("not measured".to_owned(), |((shares, nees), p)| {
+            let at95 = shares[2].estimate().map_or(String::new(), |e| {
                 format!(" (95 %: {:.1} to {:.1})", 100.0 * e.low, 100.0 * e.high)
             });
-            format!("{} %{at95}", p.map(|x| format!("{x:.1}")).join(" / "))
+            let nees = nees.map_or("no NEES".to_owned(), |e| {
+                format!("NEES/n {:.2} ({:.2} to {:.2})", e.value, e.low, e.high)
+            });
+            format!(
+                "{} %{at95}; {nees}",
+                p.map(|x| format!("{x:.1}")).join(" / ")
+            )
         });
+    let near = |p: [f64; 4]| {
+        p.iter()
+            .zip(LEVELS)
+            .zip(COVERAGE_SLACK)
+            .all(|((x, level), slack)| (x - 100.0 * level).abs() <= slack + 1e-9)
+    };
+    let honest =
+        |nees: Option<Estimate>| nees.is_some_and(|e| (NEES[0]..=NEES[1]).contains(&e.value));
     Bar {
         item: 4,
         what: format!(
-            "{} at {}, inside the 50 / 80 / 95 / 99 % bounds",
-            measure.name(),
+            "{}, {}: inside the 50 / 80 / 95 / 99 % bounds",
+            measure.words(),
             when.name()
         ),
         measured,
-        bar: "within 3, 3, 2, 3 points".to_owned(),
-        met: percents.map(|p| {
-            p.iter()
-                .zip(LEVELS)
-                .zip(COVERAGE_SLACK)
-                .all(|((x, level), slack)| (x - 100.0 * level).abs() <= slack + 1e-9)
-        }),
+        bar: format!(
+            "within 3 / 3 / 2 / 3 points; NEES/n {} to {}",
+            NEES[0], NEES[1]
+        ),
+        met: found
+            .zip(percents)
+            .map(|((_, nees), p)| near(p) && honest(nees)),
     }
 }
 
@@ -319,7 +337,7 @@ fn fault_bars(fault: &FaultTables) -> [Bar; 2] {
             "{}: inside the 95 % bounds, worst measure",
             fault.fault.about()
         ),
-        worst.map(|(m, w, e)| (format!("{} at {}", m.name(), w.name()), e)),
+        worst.map(|(m, w, e)| (format!("{}, {}", m.words(), w.name()), e)),
     );
     if fault.found.scored.hits < fault.found.scored.of {
         inside.measured = format!(

@@ -15,19 +15,21 @@ const STYLE: &str = include_str!("../report/page.css");
 /// What this page has beyond the report.
 const OWN: &str = "\
 .panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(290px,1fr));gap:10px}
+.four{grid-template-columns:repeat(auto-fit,minmax(245px,1fr))}
 .numbers td,.numbers th:nth-child(n+2){text-align:right;font-variant-numeric:tabular-nums}
 .numbers td{white-space:nowrap}
-.numbers{font-size:.85rem}
-.numbers tr.first th,.numbers tr.first td{border-top:1px solid #16191d}
-.bars td:nth-child(1){width:3em}
-.bars th{font-weight:normal}
+.numbers{font-size:.8rem}
+.numbers th,.numbers td{padding:4px 6px}
+.numbers tr.first th,.numbers tr.first td{border-top:1px solid #6d757e}
+.bars{font-size:.86rem}
+.bars .group th{font-weight:bold;background:#f2f4f6;padding-top:10px}
 .bars td:last-child{font-weight:bold;white-space:nowrap}
 .bars .met td:last-child{color:#1d5c38}
 .bars .missed td:last-child{color:#8a0035}
 .bars .missed{background:#fdecf1}
 .bars .open td:last-child{color:#474e57}
 h3{font-size:1.02rem;margin:22px 0 8px;break-after:avoid}
-@media print{.panels{grid-template-columns:1fr 1fr}.numbers{font-size:7.5pt}.bars{font-size:8.5pt}
+@media print{.panels,.four{grid-template-columns:1fr 1fr}.numbers{font-size:7.5pt}.bars{font-size:8.5pt}
 .numbers th,.numbers td,.bars th,.bars td{padding:2px 4px}.bars .missed{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .model{break-before:page}}
 ";
@@ -225,15 +227,15 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
             out,
             "<section>\n<h2>{}: are the bounds honest?</h2>\n<p>On the dashed line as many truths lie inside the bounds as were claimed; above it the bounds are too wide, below it too narrow. An honest claim lies in the grey band 95 times in 100.</p>\n{}</section>",
             escape(t.model),
-            panels(&pictures::calibration(t))
+            panels("panels four", &pictures::calibration(t))
         );
         section(
             out,
             &format!("{}: how large are the errors?", t.model),
             &format!(
                 "{}{}",
-                panels(&pictures::over_time(t)),
-                panels(&pictures::by_class(t))
+                panels("panels", &pictures::over_time(t)),
+                panels("panels", &pictures::by_class(t))
             ),
         );
         section(
@@ -267,8 +269,8 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
     out.push_str("</div>\n");
 }
 
-fn panels(list: &[String]) -> String {
-    let mut out = String::from("<div class=\"panels\">\n");
+fn panels(class: &str, list: &[String]) -> String {
+    let mut out = format!("<div class=\"{class}\">\n");
     for panel in list {
         let _ = writeln!(out, "<figure>{panel}</figure>");
     }

@@ -21,8 +21,17 @@ pub(super) fn table(class: &str, head: &[&str], rows: &[Vec<String>]) -> String 
         let _ = write!(out, "<th>{}</th>", escape(cell));
     }
     out.push_str("</tr></thead>\n<tbody>\n");
-    for row in rows {
-        out.push_str("<tr>");
+    for (k, row) in rows.iter().enumerate() {
+        // A line above the first row of each class.
+        let before = k
+            .checked_sub(1)
+            .and_then(|k| rows.get(k))
+            .and_then(|r| r.first());
+        out.push_str(if row.first() == before {
+            "<tr>"
+        } else {
+            "<tr class=\"first\">"
+        });
         for (i, cell) in row.iter().enumerate() {
             let tag = if i == 0 { "th" } else { "td" };
             let _ = write!(out, "<{tag}>{}</{tag}>", escape(&nice(cell)));
@@ -53,9 +62,24 @@ fn nice(text: &str) -> String {
 /// What must hold.
 pub(super) fn bars(list: &[Bar]) -> String {
     let mut out = String::from(
-        "<div class=\"scroll\"><table class=\"bars\">\n<thead><tr><th>Item</th><th>What</th><th>Measured (95 % interval)</th><th>Bar</th><th>Verdict</th></tr></thead>\n<tbody>\n",
+        "<div class=\"scroll\"><table class=\"bars\">\n<thead><tr><th>What</th><th>Measured (95 % interval)</th><th>Bar</th><th>Verdict</th></tr></thead>\n<tbody>\n",
     );
+    let mut item = 0;
     for bar in list {
+        if bar.item != item {
+            item = bar.item;
+            let of = |met: Option<bool>| {
+                list.iter()
+                    .filter(|b| b.item == item && b.met == met)
+                    .count()
+            };
+            let (met, missed, open) = (of(Some(true)), of(Some(false)), of(None));
+            let _ = writeln!(
+                out,
+                "<tr class=\"group\"><th colspan=\"4\">{item}. {}: {met} met, {missed} not met, {open} not measured</th></tr>",
+                Bar::title(item)
+            );
+        }
         let class = match bar.met {
             Some(true) => "met",
             Some(false) => "missed",
@@ -63,8 +87,7 @@ pub(super) fn bars(list: &[Bar]) -> String {
         };
         let _ = writeln!(
             out,
-            "<tr class=\"{class}\"><td>{}</td><th>{}</th><td>{}</td><td>{}</td><td>{}</td></tr>",
-            bar.item,
+            "<tr class=\"{class}\"><th>{}</th><td>{}</td><td>{}</td><td>{}</td></tr>",
             escape(&nice(&bar.what)),
             escape(&nice(&bar.measured)),
             escape(&bar.bar),
@@ -114,7 +137,7 @@ const HEAD: [&str; 9] = [
     "90th percentile",
     "95th percentile",
     "Inside 50 / 80 / 95 / 99 %, %",
-    "At 95 %: interval",
+    "at 95 %",
     "NEES/n",
 ];
 
@@ -252,7 +275,7 @@ pub(super) fn faults(list: &[&FaultTables]) -> String {
                     impact(Measure::Lateral)
                 ),
                 worst(f).map_or("\u{2013}".to_owned(), |(m, w, e)| {
-                    format!("{:.0} ({} at {})", 100.0 * e.value, m.name(), w.name())
+                    format!("{:.0} ({}, {})", 100.0 * e.value, m.words(), w.name())
                 }),
                 percent(f.named),
                 percent(f.named_without),

@@ -101,6 +101,19 @@ impl Measure {
         }
     }
 
+    /// Name in a sentence.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::ImpactSpeed => "impact speed",
+            Self::Longitudinal => "delta-V longitudinal",
+            Self::Lateral => "delta-V lateral",
+            Self::Resultant => "delta-V resultant",
+            Self::Pdof => "direction of force",
+            _ => self.name(),
+        }
+    }
+
     /// Unit of its figures.
     #[must_use]
     pub fn unit(self) -> &'static str {
