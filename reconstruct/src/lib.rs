@@ -29,5 +29,6 @@ pub mod smooth;
 pub mod start;
 pub mod stats;
 pub mod trajectory;
+pub mod validate;
 
 pub use error::ReconstructError;

@@ -16,6 +16,7 @@ mod load;
 mod run;
 
 mod simulate;
+mod validate;
 mod verify;
 
 /// Sound.
@@ -48,6 +49,8 @@ enum Command {
     Compare(compare::Args),
     /// Make a crash with known truth, as a CAN log
     Simulate(simulate::Args),
+    /// Validate the models on simulated crashes and on recordings with truth
+    Validate(validate::Args),
     /// Fetch records from a recorder over a serial line
     Fetch(fetch::Args),
     /// Print the JSON Schema of summary.json
@@ -175,6 +178,7 @@ pub(crate) fn main() -> u8 {
             }
             other => other.map_err(CliError::from),
         },
+        Command::Validate(args) => validate::run(&args),
         Command::Fetch(args) => fetch::run(&args),
         Command::Schema => print(reconstruct::report::SUMMARY_SCHEMA).map(|()| SOUND),
     };

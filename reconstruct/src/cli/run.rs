@@ -51,7 +51,8 @@ pub(crate) struct Args {
     json: bool,
 }
 
-fn model(text: &str) -> Result<Model, String> {
+/// A model on the command line.
+pub(crate) fn model(text: &str) -> Result<Model, String> {
     match text {
         "nine-state" => Ok(Model::NineState),
         "published" => Ok(Model::Published),

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use crate::compare::CompareError;
+use crate::trajectory::State;
 
 /// One row of the trajectory.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +36,29 @@ pub struct Trajectory {
     pub rows: Vec<Row>,
     /// Unix time of t = 0, s; `None` where no row has UTC.
     pub epoch_s: Option<f64>,
+}
+
+impl Trajectory {
+    /// Of reconstructed states, without a file between.
+    #[must_use]
+    pub fn of(states: &[State]) -> Self {
+        let row = |s: &State| Row {
+            t_s: s.t_s,
+            position: [s.position[0], s.position[1]],
+            velocity: [s.velocity[0], s.velocity[1]],
+            speed: s.speed,
+            ground_speed: s.ground_speed,
+            heading: s.heading,
+            covariance: [s.sd_north.powi(2), s.sd_east.powi(2), s.cov_north_east],
+            sd_speed: s.sd_speed,
+            sd_heading: s.sd_heading,
+        };
+        let epoch = |s: &State| Some(schema::num::real_i64(s.utc_ns?) * 1e-9 - s.t_s);
+        Self {
+            rows: states.iter().map(row).collect(),
+            epoch_s: states.first().and_then(epoch),
+        }
+    }
 }
 
 /// One row of the truth.

@@ -13,6 +13,8 @@ const STOP_SPEED: f64 = 0.3;
 const WANDER_LENGTH: f64 = 60.0;
 /// ABS stops cycling below this speed, m/s.
 const ABS_SPEED: f64 = 2.0;
+/// `BrakingPlan::lock` of both wheels.
+const BOTH_WHEELS: usize = 2;
 /// Time constant of each of the two lags of a wheel that locks, s.
 const LOCK_TIME: f64 = 0.05;
 
@@ -109,7 +111,10 @@ impl Driver {
                 let phase = 2.0 * PI * braking.abs_hz[wheel] * (t - braking.t);
                 let mean = braking.slip[wheel];
                 *slip = (mean * cycling * (1.0 + braking.abs_depth * phase.sin())).clamp(0.0, 0.9);
-                if braking.lock == Some(wheel) {
+                if braking
+                    .lock
+                    .is_some_and(|which| which == wheel || which == BOTH_WHEELS)
+                {
                     *slip += (1.0 - *slip) * locked;
                 }
             }

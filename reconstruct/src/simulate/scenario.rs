@@ -166,7 +166,7 @@ pub struct BrakingPlan {
     pub abs_hz: [f64; 2],
     /// Depth of the ABS cycle, share of the slip.
     pub abs_depth: f64,
-    /// A wheel that locks: 0 left, 1 right.
+    /// A wheel that locks: 0 left, 1 right, 2 both.
     pub lock: Option<usize>,
 }
 
