@@ -12,6 +12,7 @@ pub mod curve;
 pub mod delta_v;
 pub mod details;
 pub mod extremes;
+pub mod faults;
 pub mod final_rest;
 pub mod limits;
 pub mod pulse_times;

@@ -11,7 +11,8 @@ use crate::filter::{self, Setup, Snapshot, Tuning};
 use crate::findings::crash::{self, Evidence};
 use crate::findings::delta_v::JointPulse;
 use crate::findings::{
-    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, details, limits,
+    Figure, ModelAnswer, Reconstruction, Rest, RestPose, WheelUse, agreement, details, faults,
+    limits,
 };
 use crate::funnel::{self, Source};
 use crate::mechanize::Earth;
@@ -31,9 +32,9 @@ pub enum Model {
     DeadReckoning,
     /// The nine states of S03 in vehicle axes [S03, 3.10], signs corrected.
     Published,
-    /// Nine states in navigation axes with full coupling and considered biases: the default.
+    /// Nine states in navigation axes with full coupling and considered biases.
     NineState,
-    /// Nine states and the calibration beside them, smoothed.
+    /// Nine states and the calibration beside them, smoothed: the default.
     Refined,
 }
 
@@ -97,7 +98,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            model: Model::NineState,
+            model: Model::Refined,
             road: Road::H1,
             rest_pose: None,
             confidence: 0.95,
@@ -223,7 +224,9 @@ pub fn from_epochs(
         epochs,
         motion: &motion,
         gravity: earth.gravity,
-        road: road.as_ref().filter(|_| matches!(options.model, Model::NineState | Model::Refined)),
+        road: road
+            .as_ref()
+            .filter(|_| matches!(options.model, Model::NineState | Model::Refined)),
         utc_zero_ns: facts.utc_zero_ns,
     };
     let (states, road_use) = funnel::states(&source, &ran.snapshots, from, to);
@@ -276,6 +279,7 @@ pub fn from_epochs(
         states,
     };
     result.limits = limits::sentences(&result, epochs, &motion, facts);
+    result.limits.extend(ran.faults);
     Ok(result)
 }
 
@@ -287,6 +291,8 @@ struct Ran {
     snapshots: Vec<Snapshot>,
     /// Its joint covariances of the pulses, where it has them.
     joint: Vec<Option<JointPulse>>,
+    /// What the refined model says of the sensors.
+    faults: Vec<String>,
     /// Its use of the wheels.
     wheels: WheelUse,
 }
@@ -302,6 +308,8 @@ fn run_models(
     let mut answers = Vec::new();
     let mut kept = None;
     let mut wheels = WheelUse::default();
+    let mut joint = Vec::new();
+    let mut faults = Vec::new();
     let asked = options.model;
     for model in Model::ALL {
         let snapshots = match model {
@@ -323,7 +331,9 @@ fn run_models(
                 let refined = refined::run(setup, rest, &options.refined, options.smoother)?;
                 if asked == Model::Refined {
                     wheels = refined.wheels;
+                    joint.clone_from(&refined.joint);
                 }
+                faults = faults::sentences(&refined, setup.reversed.forward(), setup.motion);
                 Some(refined.snapshots)
             }
         };
@@ -349,7 +359,8 @@ fn run_models(
     Ok(Ran {
         answers,
         snapshots,
-        joint: Vec::new(),
+        joint,
+        faults,
         wheels,
     })
 }

@@ -25,8 +25,8 @@ pub(crate) struct Args {
     /// Folder for the results; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Model of the trajectory: nine-state, published or dead-reckoning
-    #[arg(long, default_value = "nine-state", value_name = "MODEL", value_parser = model)]
+    /// Model of the trajectory: refined, nine-state, published or dead-reckoning
+    #[arg(long, default_value = "refined", value_name = "MODEL", value_parser = model)]
     model: Model,
     /// Road limits: h1, none, or a JSON file of limits
     #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]
@@ -53,13 +53,10 @@ pub(crate) struct Args {
 
 /// A model on the command line.
 pub(crate) fn model(text: &str) -> Result<Model, String> {
-    match text {
-        "nine-state" => Ok(Model::NineState),
-        "published" => Ok(Model::Published),
-        "dead-reckoning" => Ok(Model::DeadReckoning),
-        "refined" => Err("the refined model is not available yet; expected nine-state, published or dead-reckoning".to_owned()),
-        _ => Err("expected nine-state, published or dead-reckoning".to_owned()),
-    }
+    Model::ALL
+        .into_iter()
+        .find(|model| model.name() == text)
+        .ok_or_else(|| "expected refined, nine-state, published or dead-reckoning".to_owned())
 }
 
 fn number(text: &str) -> Result<f64, String> {

@@ -178,7 +178,7 @@ fn sensors(result: &Reconstruction, epochs: &Epochs, out: &mut Vec<String>) {
                 .to_owned(),
         );
     } else if heard
-        && result.model == "nine-state"
+        && matches!(result.model, "nine-state" | "refined")
         && result.wheels.used == 0
         && result.distance_m.value > 5.0
     {

@@ -121,12 +121,17 @@ impl Inputs {
                     e.rate[axis - 3].abs()
                 }
             };
-            let range = range.unwrap_or_else(|| list[from..to].iter().map(largest).fold(0.0, f64::max));
+            let range =
+                range.unwrap_or_else(|| list[from..to].iter().map(largest).fold(0.0, f64::max));
             if axis < 3 {
                 for k in from..to {
                     let share = list[k].clipped[axis];
                     self.accel[k][axis] += EXCESS_ACCEL[0] * range * share;
-                    self.widen(k, axis, (EXCESS_ACCEL[1] * range).powi(2) * share.abs() * seconds);
+                    self.widen(
+                        k,
+                        axis,
+                        (EXCESS_ACCEL[1] * range).powi(2) * share.abs() * seconds,
+                    );
                 }
             } else {
                 self.decayed_rate(list, motion, axis - 3, (from, to), range);
@@ -170,7 +175,11 @@ impl Inputs {
             if excess[k - from].abs() > self.added_rate[axis].abs() {
                 self.added_rate[axis] = excess[k - from];
             }
-            self.widen(k, axis + 3, sd * sd * list[k].clipped[axis + 3].abs() * seconds);
+            self.widen(
+                k,
+                axis + 3,
+                sd * sd * list[k].clipped[axis + 3].abs() * seconds,
+            );
         }
     }
 }
@@ -183,7 +192,9 @@ fn runs(list: &[Epoch], join_s: f64, is: impl Fn(&Epoch) -> bool) -> Vec<(usize,
             continue;
         }
         match out.last_mut() {
-            Some(run) if epoch.t_s - epoch.dt - list[run.1 - 1].t_s <= join_s + 1e-9 => run.1 = k + 1,
+            Some(run) if epoch.t_s - epoch.dt - list[run.1 - 1].t_s <= join_s + 1e-9 => {
+                run.1 = k + 1
+            }
             _ => out.push((k, k + 1)),
         }
     }

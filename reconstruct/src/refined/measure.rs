@@ -6,12 +6,12 @@
 use nalgebra::Vector3;
 
 use super::states::{
-    BA, BG, CORIOLIS, LATENCY, Nominal, Row, SG, SLIP, SLIP_GRADIENT, WHEEL_LEFT,
+    BA, BG, CORIOLIS, LATENCY, Nominal, Row, SG, SLIP, SLIP_GRADIENT, TRACK, WHEEL_LEFT,
     WHEEL_RIGHT,
 };
 use super::tape::Source;
-use crate::constraint::{Geometry, road_angle, velocity_along};
 use super::transition::velocity_drive;
+use crate::constraint::{Geometry, road_angle, velocity_along};
 use crate::error_model::{ATT, STATES, VEL};
 use crate::frame::{Body, Vec3, skew};
 
@@ -32,6 +32,14 @@ fn widen(h9: &nalgebra::SVector<f64, STATES>) -> Row {
     let mut h = Row::zeros();
     h.fixed_rows_mut::<STATES>(0).copy_from(h9);
     h
+}
+
+/// A residual that holds `arm . rate` also holds the gyro's bias and scale.
+fn by_rate(h: &mut Row, rate: &Vector3<f64>, arm: &Vector3<f64>, factor: f64) {
+    for axis in 0..3 {
+        h[BG + axis] = arm[axis] * factor;
+        h[SG + axis] = arm[axis] * rate[axis] * factor;
+    }
 }
 
 /// What the wheel frame says and when it was true.
@@ -63,15 +71,22 @@ pub fn wheel(
         (1.0, WHEEL_RIGHT)
     };
     let (vx, h9) = velocity_along(&nominal.nav, 0);
-    let arm = side * geometry.half_track - geometry.imu.y;
+    let half = side * geometry.half_track;
+    let arm = half * (1.0 + nominal.value(TRACK)) - geometry.imu.y;
     let delay = frame.age_s + nominal.value(LATENCY);
     let over_ground = vx - rate.z * arm - rate.y * geometry.imu.z - frame.accel * delay;
     let scale = 1.0 + nominal.value(state);
     let mut h = widen(&(h9 * scale));
-    h[BG + 2] = -arm * scale;
-    h[SG + 2] = -arm * rate.z * scale;
+    by_rate(
+        &mut h,
+        rate,
+        &Vector3::new(0.0, -geometry.imu.z, -arm),
+        scale,
+    );
     h[state] = -over_ground;
     h[LATENCY] = frame.accel * scale;
+    // A track wider by c than assumed shows `-rate c half` more: predicted minus measured is the opposite.
+    h[TRACK] = rate.z * half * scale;
     let lever = rate.z * geometry.imu_sd.y;
     Scalar {
         source: Source::Wheel,
@@ -95,8 +110,7 @@ pub fn side_slip(
     let (vx, _) = velocity_along(&nominal.nav, 0);
     let imu = &geometry.imu;
     let mut h = widen(&h9);
-    h[BG + 2] = -imu.x;
-    h[SG + 2] = -imu.x * rate.z;
+    by_rate(&mut h, rate, &Vector3::new(imu.z, 0.0, -imu.x), 1.0);
     h[SLIP] = vx;
     h[SLIP_GRADIENT] = -vx * lateral;
     let lever = rate.z * geometry.imu_sd.x;
@@ -114,11 +128,13 @@ pub fn side_slip(
 pub fn no_jump(nominal: &Nominal, rate: &Vector3<f64>, geometry: &Geometry, sd: f64) -> Scalar {
     let (vz, h9) = velocity_along(&nominal.nav, 2);
     let imu = &geometry.imu;
+    let mut h = widen(&h9);
+    by_rate(&mut h, rate, &Vector3::new(-imu.y, imu.x, 0.0), 1.0);
     let lever = rate.y * geometry.imu_sd.x;
     Scalar {
         source: Source::Jump,
         residual: vz - rate.x * imu.y + rate.y * imu.x,
-        h: widen(&h9),
+        h,
         r: sd * sd + lever * lever,
     }
 }
@@ -202,7 +218,8 @@ mod tests {
     use nalgebra::SVector;
 
     fn nominal() -> Nominal {
-        let mut cal = SVector::<f64, PARAMS>::from_fn(|i, _| 0.001 * (1.0 + schema::num::real(i % 5)));
+        let mut cal =
+            SVector::<f64, PARAMS>::from_fn(|i, _| 0.001 * (1.0 + schema::num::real(i % 5)));
         cal[LATENCY - STATES] = 0.02;
         Nominal {
             nav: Nav9 {
@@ -262,7 +279,10 @@ mod tests {
                 let want = base.h[s];
                 // Products of two small errors, and what the mounting yaw does to the cross rates, are left out.
                 let allowed = 0.02 + 0.01 * want.abs();
-                assert!((found - want).abs() < allowed, "{i} state {s}: {found} {want}");
+                assert!(
+                    (found - want).abs() < allowed,
+                    "{i} state {s}: {found} {want}"
+                );
             }
         }
     }

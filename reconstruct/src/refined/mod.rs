@@ -18,6 +18,7 @@ use crate::error::ReconstructError;
 use crate::error_model::{ATT, STATES};
 use crate::filter::{Setup, Snapshot};
 use crate::findings::WheelUse;
+use crate::findings::delta_v::JointPulse;
 use crate::rest::RestInterval;
 use crate::smooth::Smoother;
 use crate::smooth::rts::{Adjoint, cross_covariance};
@@ -25,9 +26,6 @@ use pass::{Given, Passed};
 use states::{BA, Cov, Nominal, Row, SA};
 use tape::Step;
 pub use tuning::Tuning;
-
-/// Nine errors at the start of a pulse and nine at its end, estimate minus truth.
-pub type Joint = SMatrix<f64, { 2 * STATES }, { 2 * STATES }>;
 
 /// What the refined model gives.
 #[derive(Clone, Debug)]
@@ -37,7 +35,7 @@ pub struct Refined {
     /// Use of the wheels.
     pub wheels: WheelUse,
     /// Joint covariance at `pulse.before` and `pulse.last` of each impact.
-    pub joint: Vec<Option<Joint>>,
+    pub joint: Vec<Option<JointPulse>>,
     /// Calibration before the first impact (at the first epoch) and its covariance, all states.
     pub before: (Nominal, Cov),
     /// Calibration at the end of the record.
@@ -93,8 +91,17 @@ pub fn run(
         what: "the record has no sample to start from".to_owned(),
     };
     // What comes behind the start stands still, or was not heard.
-    let held = list.iter().rev().flatten().next().cloned().ok_or_else(missing)?;
-    let snapshots = list.into_iter().map(|s| s.unwrap_or_else(|| held.clone())).collect();
+    let held = list
+        .iter()
+        .rev()
+        .flatten()
+        .next()
+        .cloned()
+        .ok_or_else(missing)?;
+    let snapshots = list
+        .into_iter()
+        .map(|s| s.unwrap_or_else(|| held.clone()))
+        .collect();
     Ok(Refined {
         snapshots,
         wheels: passed.wheels,
@@ -106,7 +113,7 @@ pub fn run(
 }
 
 /// Joint covariance of step `late` (a pulse's start) and of the one `length` epochs after it in time.
-fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> Option<Joint> {
+fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> Option<JointPulse> {
     let tape = &passed.tape;
     let early = late.checked_sub(length)?;
     // The adjoint of the pulse's end: further back over the steps of the pulse.
@@ -115,16 +122,22 @@ fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> O
         at_early.retreat(tape, i);
     }
     let cross = cross_covariance(tape, early, late, at_late);
-    let mut joint = Joint::zeros();
-    let put = |joint: &mut Joint, r: usize, c: usize, m: SMatrix<f64, STATES, STATES>| {
-        joint.fixed_view_mut::<STATES, STATES>(r, c).copy_from(&m);
+    let mut covariance = SMatrix::<f64, { 2 * STATES }, { 2 * STATES }>::zeros();
+    let mut put = |r: usize, c: usize, m: SMatrix<f64, STATES, STATES>| {
+        covariance
+            .fixed_view_mut::<STATES, STATES>(r, c)
+            .copy_from(&m);
     };
-    put(&mut joint, 0, 0, at_late.covariance::<STATES>(&tape.steps[late].p));
-    put(&mut joint, STATES, STATES, at_early.covariance::<STATES>(&tape.steps[early].p));
+    put(0, 0, at_late.covariance::<STATES>(&tape.steps[late].p));
+    put(
+        STATES,
+        STATES,
+        at_early.covariance::<STATES>(&tape.steps[early].p),
+    );
     let block = cross.fixed_view::<STATES, STATES>(0, 0).into_owned();
-    put(&mut joint, STATES, 0, block);
-    put(&mut joint, 0, STATES, block.transpose());
-    Some(joint)
+    put(STATES, 0, block);
+    put(0, STATES, block.transpose());
+    Some(JointPulse { covariance })
 }
 
 fn snapshot(
@@ -146,7 +159,9 @@ fn snapshot(
         h.fixed_rows_mut::<3>(ATT).copy_from(&tilt);
         h[BA + axis] = 1.0;
         h[SA + axis] = epoch.accel[axis];
-        (adjoint.variance(&step.p, &h) + density.accel[axis] / epoch.dt).max(0.0).sqrt()
+        (adjoint.variance(&step.p, &h) + density.accel[axis] / epoch.dt)
+            .max(0.0)
+            .sqrt()
     });
     Snapshot {
         nav: nominal.nav,

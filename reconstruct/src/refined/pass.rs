@@ -7,7 +7,7 @@ use super::inputs::Inputs;
 use super::measure::{self, Scalar, WheelFrame};
 use super::states::{
     BA, BG, CORIOLIS, Cov, LATENCY, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, SA, SG, SLIP,
-    SLIP_GRADIENT, WHEEL_LEFT, WHEEL_RIGHT,
+    SLIP_GRADIENT, TRACK, WHEEL_LEFT, WHEEL_RIGHT,
 };
 use super::tape::{Linear, Source, Step, Tape};
 use super::transition::Transition;
@@ -34,7 +34,7 @@ const GRAVITY_SD: f64 = 0.015;
 /// Mean of a level accelerometer at rest beside its noise, m/s^2.
 const LEVEL_SD: f64 = 0.001;
 /// In-run drift of a gyro bias within a minute, as a share of its turn-on bias.
-const RATE_BIAS_DRIFT: f64 = 0.01;
+const RATE_BIAS_DRIFT: f64 = 0.02;
 /// Speed below which a car that looks still may be standing, beside the state's own spread, m/s.
 const STAND_SPEED: f64 = 0.3;
 /// Springs of a standing car, rad a second.
@@ -116,7 +116,10 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
             continue;
         }
         let from = runner.linear.len();
-        if stands.last().is_some_and(|s| k + 1 == s.range.end && !runner.may_stand()) {
+        if stands
+            .last()
+            .is_some_and(|s| k + 1 == s.range.end && !runner.may_stand())
+        {
             stands.pop();
         }
         let standing = stands.last().filter(|s| s.range.contains(&k)).cloned();
@@ -225,13 +228,18 @@ impl<'a> Runner<'a> {
         let imu = &self.epochs.header.imu;
         let (earth, seconds) = (self.given.setup.earth, stand.seconds.max(0.01));
         let level = (imu.accel_density.powi(2) / seconds + LEVEL_SD * LEVEL_SD).sqrt();
-        let quiet = (imu.rate_density.powi(2) / seconds + (RATE_BIAS_DRIFT * imu.rate_bias).powi(2)).sqrt();
+        let quiet =
+            (imu.rate_density.powi(2) / seconds + (RATE_BIAS_DRIFT * imu.rate_bias).powi(2)).sqrt();
         for axis in 0..3 {
             let z = measure::standstill(&self.nominal, axis, REST_SPEED_SD);
             self.apply(&z, f64::INFINITY);
         }
         for axis in 0..3 {
-            let sd = if axis == 2 { level.hypot(GRAVITY_SD) } else { level };
+            let sd = if axis == 2 {
+                level.hypot(GRAVITY_SD)
+            } else {
+                level
+            };
             let z = measure::levelling(&self.nominal, &stand.accel, earth.gravity, axis, sd);
             self.apply(&z, f64::INFINITY);
         }
@@ -260,9 +268,15 @@ impl<'a> Runner<'a> {
             Transition::moving(&view, &f_b, &w_b, epoch.dt, &density)
         };
         let mut transition = transition.with_slip(tuning.slip_sd, tuning.slip_time_s, epoch.dt);
-        if setup.motion.impacts.iter().any(|p| (p.first + p.last) / 2 == k) {
+        if setup
+            .motion
+            .impacts
+            .iter()
+            .any(|p| (p.first + p.last) / 2 == k)
+        {
             let imu = &self.epochs.header.imu;
-            transition = transition.with_jump([imu.accel_bias_jump.powi(2), imu.rate_bias_jump.powi(2)]);
+            transition =
+                transition.with_jump([imu.accel_bias_jump.powi(2), imu.rate_bias_jump.powi(2)]);
         }
         transition.predict(&mut self.p);
         self.nominal.cal[SLIP - STATES] *= (-epoch.dt / tuning.slip_time_s).exp();
@@ -274,7 +288,13 @@ impl<'a> Runner<'a> {
         let used = self.measure_wheels(k, epoch);
         let tuning = self.given.tuning;
         let motion = self.given.setup.motion;
-        let speed = self.nominal.nav.c_nb.m.column(0).dot(&self.nominal.nav.v_n.v);
+        let speed = self
+            .nominal
+            .nav
+            .c_nb
+            .m
+            .column(0)
+            .dot(&self.nominal.nav.v_n.v);
         if epoch.t_s <= self.slip_end_t
             && self.since_slip_s >= tuning.slip_interval_s - 1e-9
             && speed > 1.0
@@ -325,7 +345,10 @@ impl<'a> Runner<'a> {
             if motion.after_impact[k] {
                 variance += (BENT_SHARE * speed).powi(2) * widened;
             }
-            let rate = self.nominal.rate(&self.inputs.rate[k], &self.given.setup.earth).v;
+            let rate = self
+                .nominal
+                .rate(&self.inputs.rate[k], &self.given.setup.earth)
+                .v;
             let frame = WheelFrame {
                 side,
                 speed,
@@ -360,11 +383,22 @@ impl<'a> Runner<'a> {
 
     fn measure_slip(&mut self, k: usize, _epoch: &Epoch, speed: f64) {
         let tuning = self.given.tuning;
-        let rate = self.nominal.rate(&self.inputs.rate[k], &self.given.setup.earth).v;
+        let rate = self
+            .nominal
+            .rate(&self.inputs.rate[k], &self.given.setup.earth)
+            .v;
         let lateral = self.given.setup.motion.smooth[k].y;
-        let z = measure::side_slip(&self.nominal, &rate, &self.geometry, lateral, tuning.slip_white_mps);
+        let z = measure::side_slip(
+            &self.nominal,
+            &rate,
+            &self.geometry,
+            lateral,
+            tuning.slip_white_mps,
+        );
         self.apply(&z, 2.0 * tuning.gate);
-        let widened = (2.0 * tuning.jump_correlation_s / tuning.slip_interval_s).max(1.0).sqrt();
+        let widened = (2.0 * tuning.jump_correlation_s / tuning.slip_interval_s)
+            .max(1.0)
+            .sqrt();
         let sd = (tuning.jump[0] * speed + tuning.jump[1]) * widened;
         let z = measure::no_jump(&self.nominal, &rate, &self.geometry, sd);
         self.apply(&z, 2.0 * tuning.gate);
@@ -386,7 +420,12 @@ impl<'a> Runner<'a> {
             + spring(a.y);
         let pitch = (0.5 * road.pitch_deg).to_radians().powi(2) + mounting[1].powi(2) + spring(a.x);
         let gate = self.given.tuning.gate;
-        let z = measure::road(&self.nominal, 0, road.roll_mean_deg.to_radians(), (roll * widened).sqrt());
+        let z = measure::road(
+            &self.nominal,
+            0,
+            road.roll_mean_deg.to_radians(),
+            (roll * widened).sqrt(),
+        );
         self.apply(&z, gate);
         let z = measure::road(&self.nominal, 1, 0.0, (pitch * widened).sqrt());
         self.apply(&z, gate);
@@ -463,6 +502,7 @@ fn prior(given: &Given<'_>) -> Cov {
     set(LATENCY, wheels.latency_sd_s.max(1e-6));
     set(SLIP_GRADIENT, given.tuning.slip_gradient[1]);
     set(SLIP, given.tuning.slip_sd);
+    set(TRACK, given.tuning.track_sd);
     if given.rest.found() {
         for axis in 0..3 {
             set(POS + axis, REST_PLACE_SD);
@@ -474,7 +514,10 @@ fn prior(given: &Given<'_>) -> Cov {
     } else {
         moving(given, &mut p);
     }
-    let (common, half) = (wheels.scale_sd.powi(2), (0.5 * wheels.scale_difference_sd).powi(2));
+    let (common, half) = (
+        wheels.scale_sd.powi(2),
+        (0.5 * wheels.scale_difference_sd).powi(2),
+    );
     for side in [WHEEL_LEFT, WHEEL_RIGHT] {
         p[(side, side)] = common + half;
     }
@@ -492,7 +535,12 @@ fn moving(given: &Given<'_>, p: &mut Cov) {
         p[(i, i)] = belief.p_xx[(i, i)];
     }
     p[(ATT + 2, ATT + 2)] = REST_HEADING_SD * REST_HEADING_SD;
-    let after = setup.motion.after_impact.get(setup.start.k).copied().unwrap_or(false);
+    let after = setup
+        .motion
+        .after_impact
+        .get(setup.start.k)
+        .copied()
+        .unwrap_or(false);
     if after {
         p[(VEL, VEL)] = UNKNOWN_SPEED_SD * UNKNOWN_SPEED_SD;
         p[(VEL + 1, VEL + 1)] = UNKNOWN_SIDE_SD * UNKNOWN_SIDE_SD;

@@ -4,7 +4,8 @@
 //! truth minus the value applied, so that a correction is *added* to it. The 23 of the design are all here; the rest
 //! earned its place by the coverage of the bounds: gyro scales of all axes (a roll-over turns about x), Coriolis where
 //! latitude and heading are not known, the delay of the wheels, and the rear axle's sideslip as a gradient and a
-//! correlated rest (as white noise of the same size it counts one fact several times).
+//! correlated rest (as white noise of the same size it counts one fact several times), and the track width (a tape measure
+//! and a rolling tyre do not agree to a percent; a wrong entry shows here).
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -14,7 +15,7 @@ use crate::frame::{Body, Vec3, exp_so3};
 use crate::mechanize::{Earth, Nav9};
 
 /// All states.
-pub const DIM: usize = 30;
+pub const DIM: usize = 31;
 /// Calibration states.
 pub const PARAMS: usize = DIM - STATES;
 
@@ -43,6 +44,9 @@ pub const LATENCY: usize = 27;
 pub const SLIP_GRADIENT: usize = 28;
 /// Sideslip of the rear axle beside that, rad: a Gauss-Markov process.
 pub const SLIP: usize = 29;
+
+/// Track width: true over configured, less one.
+pub const TRACK: usize = 30;
 
 /// Covariance of all states.
 pub type Cov = SMatrix<f64, DIM, DIM>;
@@ -106,7 +110,11 @@ impl Nominal {
 impl Nominal {
     /// From sensor axes to the car's.
     fn mounted(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        exp_so3(&Vector3::new(0.0, -self.value(MOUNT_PITCH), -self.value(MOUNT_YAW))) * v
+        exp_so3(&Vector3::new(
+            0.0,
+            -self.value(MOUNT_PITCH),
+            -self.value(MOUNT_YAW),
+        )) * v
     }
 }
 

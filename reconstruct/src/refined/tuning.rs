@@ -24,6 +24,8 @@ pub struct Tuning {
     pub jump_correlation_s: f64,
     /// No-side-slip ends so long before the first impact, s: a driver swerves.
     pub slip_hold_off_s: f64,
+    /// Track width, as a share, one sigma.
+    pub track_sd: f64,
     /// Gyro error that a scale does not explain, as a share of the rate (nonlinearity, unlike sides), the same for a
     /// second: a spin.
     pub rate_nonlinearity: f64,
@@ -39,14 +41,15 @@ impl Default for Tuning {
             wheel_floor_mps: 0.02,
             wheel_correlation_s: 0.3,
             slip_gradient: [0.006, 0.0025],
-            slip_sd: 0.0045,
+            slip_sd: 0.005,
             slip_time_s: 1.2,
             slip_white_mps: 0.03,
             slip_interval_s: 0.1,
             jump: [0.006, 0.02],
             jump_correlation_s: 1.0,
             slip_hold_off_s: 4.0,
-            rate_nonlinearity: 5e-4,
+            track_sd: 0.02,
+            rate_nonlinearity: 1.2e-3,
             gate: 10.83,
             patience: 50,
         }
