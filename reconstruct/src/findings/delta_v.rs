@@ -567,4 +567,65 @@ mod tests {
             assert!((found - want).norm() < 0.05 * want.norm(), "{found} {want}");
         }
     }
+
+    /// Clipping opens the bound away from zero, and a smoother that knows both sides closes it; wheels alone
+    /// bound nothing.
+    #[test]
+    fn clipping_and_wheels_alone() {
+        use crate::simulate::{Class, Scenario, simulate};
+        let simulated = simulate(&Scenario::draw(Class::Frontal, 21)).unwrap();
+        let samples: Vec<_> = simulated
+            .samples()
+            .into_iter()
+            .enumerate()
+            .skip(1000)
+            .map(|(k, s)| (schema::num::u64_of(k), 100, s))
+            .collect();
+        let header = simulated.scenario.header();
+        let mut epochs = crate::epochs::Epochs::from_samples(header, &samples, 9.99, &[]).unwrap();
+        let earth = crate::mechanize::Earth::flat();
+        let rest = crate::rest::find(&epochs, earth.gravity);
+        let start = crate::start::at_rest(&epochs, &rest, &earth);
+        let reversed = epochs.reversed();
+        let motion = crate::motion::Motion::look(&reversed, &start, earth.gravity, &[]);
+        let pass = crate::filter::run(&crate::filter::Setup {
+            reversed,
+            start: &start,
+            motion: &motion,
+            earth,
+            road: None,
+            tuning: crate::filter::Tuning::default(),
+        })
+        .unwrap();
+        let pulse = motion.impacts[0];
+        epochs.list[pulse.first + 2].clipped[0] = -0.5;
+        let evidence = |wheels_only| Evidence {
+            epochs: &epochs,
+            motion: &motion,
+            snapshots: &pass.snapshots,
+            quantile: 1.96,
+            joint: &[],
+            wheels_only,
+        };
+        let joint = JointPulse {
+            covariance: SMatrix::identity() * 1e-4,
+        };
+        let open = delta_v(&evidence(false), &pulse, None);
+        assert!(open.lower_bound && open.clipped && open.resultant_mps.high.is_infinite());
+        assert!(open.longitudinal_mps.low.is_infinite() && open.north_mps.low.is_infinite());
+        let end = open.curve.iter().min_by(|a, b| {
+            let off = |p: &crate::findings::curve::CurvePoint| {
+                (p.after_onset_s - (pulse.end_s - pulse.onset_s)).abs()
+            };
+            off(a).total_cmp(&off(b))
+        });
+        let apart = end.unwrap().longitudinal_mps.value - open.longitudinal_mps.value;
+        assert!(apart.abs() < 0.3, "{apart}");
+        let most = open.maximum.unwrap().longitudinal.value_mps.value;
+        assert!(most.abs() > open.longitudinal_mps.value.abs() - 0.3);
+        let closed = delta_v(&evidence(false), &pulse, Some(&joint));
+        assert!(!closed.lower_bound && closed.clipped && closed.resultant_mps.high.is_finite());
+        let wheels = delta_v(&evidence(true), &pulse, None);
+        assert!(wheels.resultant_mps.sd.is_infinite() && wheels.curve.is_empty());
+    }
 }

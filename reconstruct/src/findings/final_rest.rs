@@ -25,7 +25,7 @@ pub struct FinalRest {
     /// From here on it stood so still that levelling uses it, seconds from the trigger.
     pub settled_t_s: f64,
     /// From there to the end of the record, s.
-    pub duration_s: f64,
+    pub duration_s: Figure,
     /// Roll at rest, degrees.
     pub roll_deg: Figure,
     /// Pitch at rest, degrees.
@@ -75,7 +75,7 @@ pub fn of(evidence: &Evidence<'_>, rest: &RestInterval, states: &[State]) -> Opt
     Some(FinalRest {
         stop_t_s: stop,
         settled_t_s: list.get(rest.settled).map_or(end, |e| e.t_s - e.dt),
-        duration_s: end - stop.value,
+        duration_s: Figure::non_negative(end - stop.value, stop.sd, q),
         roll_deg: Figure::new(roll.to_degrees(), sd(0), q),
         pitch_deg: Figure::new(pitch.to_degrees(), sd(1), q),
         heading_deg: Figure::new(heading.to_degrees().rem_euclid(360.0), 0.0, q),
