@@ -170,6 +170,10 @@ pub(crate) fn rest(r: &Reconstruction) -> String {
             fact("Roll-over began", seconds(&over.begin_t_s));
             fact("Roll-over ended", seconds(&over.end_t_s));
         }
+        None if r.details.no_attitude => fact(
+            "Roll-over",
+            "cannot be told: this model has no roll and pitch".to_owned(),
+        ),
         None => fact(
             "Roll-over",
             format!(
@@ -189,9 +193,11 @@ pub(crate) fn rest(r: &Reconstruction) -> String {
             "Length of the rest in the record",
             seconds(&rest.duration_s),
         );
-        fact("The car lies on its", rest.lies_on.to_owned());
-        fact("Roll at rest", degrees(&rest.roll_deg));
-        fact("Pitch at rest", degrees(&rest.pitch_deg));
+        if !r.details.no_attitude {
+            fact("The car lies on its", rest.lies_on.to_owned());
+            fact("Roll at rest", degrees(&rest.roll_deg));
+            fact("Pitch at rest", degrees(&rest.pitch_deg));
+        }
         fact(
             "Heading at rest",
             if r.rest_pose.is_some() {

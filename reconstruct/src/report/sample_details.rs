@@ -90,6 +90,7 @@ pub(crate) fn details() -> Details {
         },
         before: extremes(1.0),
         after: Some(extremes(-4.0)),
+        no_attitude: false,
         rollover: Some(RollOver {
             axis: "roll",
             angle_deg: figure(-181.0, 1.0),

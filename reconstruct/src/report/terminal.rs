@@ -122,7 +122,7 @@ fn rest(r: &Reconstruction, out: &mut Vec<String>) {
                     .as_ref()
                     .map_or("wheels", |f| f.lies_on);
                 let on = match on {
-                    "wheels" => String::new(),
+                    "wheels" | "unknown" => String::new(),
                     on => format!(", on its {on}"),
                 };
                 format!("at t = {} s{on}", crate::export::fixed::fixed(t, 1))

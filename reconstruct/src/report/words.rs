@@ -215,13 +215,17 @@ fn way_to_rest(r: &Reconstruction) -> Option<String> {
         ..from.rotation_deg
     };
     Some(format!(
-        "From the first impact to the rest it moved {} m along its path{} and turned by {} degrees to the {}{}. It lies on its {}.",
+        "From the first impact to the rest it moved {} m along its path{} and turned by {} degrees to the {}{}.{}",
         number::shown(&from.path_m, 1.0, 1).value,
         tail(r, number::bounds(&from.path_m, 1.0, 1, "m")),
         number::shown(&size, 1.0, 1).value,
         if turn < 0.0 { "left" } else { "right" },
         tail(r, number::bounds(&size, 1.0, 1, "degrees")),
-        rest.lies_on,
+        if r.details.no_attitude {
+            String::new()
+        } else {
+            format!(" It lies on its {}.", rest.lies_on)
+        },
     ))
 }
 
