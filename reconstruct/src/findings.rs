@@ -7,6 +7,7 @@ use crate::findings::pulse_times::PulseTimes;
 use crate::trajectory::State;
 
 pub mod agreement;
+pub(crate) mod change;
 pub mod crash;
 pub mod curve;
 pub mod delta_v;

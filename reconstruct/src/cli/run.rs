@@ -194,7 +194,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{confidence, model, rest_pose};
+    use super::{confidence, model, reaction, rest_pose};
 
     #[test]
     fn arguments() {
@@ -213,6 +213,7 @@ mod tests {
             assert!(rest_pose(wrong).is_err(), "{wrong}");
         }
         assert!(model("refined").unwrap_err().contains("not available yet"));
+        assert!(reaction("31").is_err() && reaction("-1").is_err() && reaction("30").is_ok());
         assert!(confidence("1").is_err() && confidence("0.5").is_ok());
     }
 }

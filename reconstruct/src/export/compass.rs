@@ -160,6 +160,12 @@ mod tests {
             sd_deg: 0.0,
         });
         to_true_north(&mut after);
+        let (a, b) = (&before.impacts[0].delta_v, &after.impacts[0].delta_v);
+        assert!((a.north_mps.value - b.east_mps.value).abs() < 1e-9);
+        assert!((a.east_mps.value + b.north_mps.value).abs() < 1e-9);
+        assert!((a.north_mps.sd - b.east_mps.sd).abs() < 1e-9);
+        let row = |r: &crate::findings::Reconstruction| r.details.reaction.rows[0];
+        assert!((row(&before).north_m.value - row(&after).east_m.value).abs() < 1e-9);
         let (a, b) = (&before.states[500], &after.states[500]);
         assert!((a.position[0] - b.position[1]).abs() < 1e-9);
         assert!((a.position[1] + b.position[0]).abs() < 1e-9);

@@ -153,7 +153,10 @@ pub fn sentences(comparisons: &[Comparison], model: &str) -> Vec<String> {
             .filter(|c| c.models.contains(&other))
             .map(|c| match c.unit {
                 "m/s" => format!("{} ({:.1} km/h apart)", c.quantity, c.difference * 3.6),
-                unit => format!("{} ({:.1} {unit} apart)", c.quantity, c.difference),
+                unit if c.difference < 100.0 => {
+                    format!("{} ({:.1} {unit} apart)", c.quantity, c.difference)
+                }
+                unit => format!("{} ({:.0} {unit} apart)", c.quantity, c.difference),
             })
             .collect();
         let why = if other == "dead-reckoning" || model == "dead-reckoning" {

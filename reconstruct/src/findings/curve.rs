@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 
 use crate::findings::Figure;
+use crate::findings::change::{Arm, Change, Moment};
 use crate::findings::crash::Evidence;
-use crate::findings::delta_v::{Arm, Change, Moment, by_sheet, clipped, onset, rate_at, widen};
+use crate::findings::delta_v::{by_sheet, clipped, onset, rate_at, widen};
 use crate::motion::Pulse;
 
 /// The curve runs to 250 ms or to 30 ms after the end of the pulse, whichever is shorter; the maximum is looked

@@ -37,8 +37,10 @@ pub struct Details {
     pub reaction: Reaction,
     /// Extremes before the first impact (or of the whole window where there was none).
     pub before: Extremes,
-    /// Extremes after the first impact; `None` where there was none.
+    /// Extremes after the first impact; `None` where there was none or the model cannot tell.
     pub after: Option<Extremes>,
+    /// True where the model has no roll and pitch: it cannot tell a roll-over.
+    pub no_attitude: bool,
     /// Roll-over; `None` where there was none.
     pub rollover: Option<RollOver>,
     /// Final rest; `None` where the record ends moving.
@@ -64,18 +66,25 @@ pub fn of(
     let final_rest = final_rest::of(evidence, rest, states);
     let first = impacts.first();
     let reference = match (first, &final_rest) {
-        (Some(pulse), _) => Some((Reference::Impact, pulse.onset_s)),
-        (None, Some(lying)) => Some((Reference::Stop, lying.stop_t_s.value)),
+        (Some(pulse), _) => {
+            let onset = Figure::new(pulse.onset_s, pulse.onset_sd_s, evidence.quantile);
+            Some((Reference::Impact, onset))
+        }
+        (None, Some(lying)) => Some((Reference::Stop, lying.stop_t_s)),
         (None, None) => None,
     };
-    let reaction = reference.map_or_else(Reaction::default, |(reference, end_s)| Reaction {
+    let reaction = reference.map_or_else(Reaction::default, |(reference, end)| Reaction {
         reference,
-        rows: reaction::rows(evidence, states, seconds, end_s),
+        rows: reaction::rows(evidence, states, seconds, &end),
         brake_unit: None,
     });
     let split = first.map_or(to, |pulse| (pulse.before + 1).clamp(from, to));
     let turned_from = first.map_or(from, |pulse| pulse.before);
     let turned_to = if rest.found() { rest.settled } else { to - 1 };
+    let turned_to = turned_to.min(evidence.snapshots.len() - 1);
+    let rollover = (!evidence.wheels_only)
+        .then(|| rollover::of(evidence, turned_from, turned_to))
+        .flatten();
     let intervals = impacts
         .windows(2)
         .map(|pair| Interval {
@@ -94,12 +103,11 @@ pub fn of(
     Details {
         reaction,
         before: extremes::of(evidence, from, split),
-        after: first.map(|_| extremes::of(evidence, split, to)),
-        rollover: rollover::of(
-            evidence,
-            turned_from,
-            turned_to.min(evidence.snapshots.len() - 1),
-        ),
+        after: first
+            .filter(|_| !evidence.wheels_only)
+            .map(|_| extremes::of(evidence, split, to)),
+        no_attitude: evidence.wheels_only,
+        rollover,
         final_rest,
         intervals,
         multi_event: u32::try_from(together).unwrap_or(u32::MAX),

@@ -53,9 +53,8 @@ pub fn of(evidence: &Evidence<'_>, from: usize, to: usize) -> Extremes {
     let surer = |old: &Option<Extreme>, value: f64, sd: f64| {
         old.is_none_or(|o| value.abs() - q * sd > o.value.value.abs() - q * o.value.sd)
     };
-    for k in from..to {
+    for (k, epoch) in list.iter().enumerate().take(to).skip(from) {
         let snapshot = &evidence.snapshots[k];
-        let epoch = &list[k];
         if !upright(&snapshot.nav) {
             continue;
         }

@@ -25,14 +25,14 @@ pub struct FinalRest {
     /// From here on it stood so still that levelling uses it, seconds from the trigger.
     pub settled_t_s: f64,
     /// From there to the end of the record, s.
-    pub duration_s: f64,
-    /// Roll at rest, degrees.
+    pub duration_s: Figure,
+    /// Roll at rest, degrees; no number where the model has none.
     pub roll_deg: Figure,
     /// Pitch at rest, degrees.
     pub pitch_deg: Figure,
     /// Heading at rest, degrees: 0 by definition without a rest pose.
     pub heading_deg: Figure,
-    /// `wheels`, `roof`, `left side`, `right side`, `nose` or `tail`.
+    /// `wheels`, `roof`, `left side`, `right side`, `nose`, `tail`, or `unknown` where the model has no roll and pitch.
     pub lies_on: &'static str,
     /// The way there from the first impact; `None` where there was none.
     pub from_impact: Option<FromImpact>,
@@ -71,15 +71,26 @@ pub fn of(evidence: &Evidence<'_>, rest: &RestInterval, states: &[State]) -> Opt
         let own = (row * att * row.transpose())[0].max(0.0);
         (own + mounting[i].powi(2)).sqrt().to_degrees()
     };
+    let attitude = |angle: f64, i: usize| {
+        if evidence.wheels_only {
+            Figure::NONE
+        } else {
+            Figure::new(angle.to_degrees(), sd(i), q)
+        }
+    };
     let end = list.last().map_or(0.0, |e| e.t_s);
     Some(FinalRest {
         stop_t_s: stop,
         settled_t_s: list.get(rest.settled).map_or(end, |e| e.t_s - e.dt),
-        duration_s: end - stop.value,
-        roll_deg: Figure::new(roll.to_degrees(), sd(0), q),
-        pitch_deg: Figure::new(pitch.to_degrees(), sd(1), q),
+        duration_s: Figure::non_negative(end - stop.value, stop.sd, q),
+        roll_deg: attitude(roll, 0),
+        pitch_deg: attitude(pitch, 1),
         heading_deg: Figure::new(heading.to_degrees().rem_euclid(360.0), 0.0, q),
-        lies_on: lies_on(&lying.nav),
+        lies_on: if evidence.wheels_only {
+            "unknown"
+        } else {
+            lies_on(&lying.nav)
+        },
         from_impact: from_impact(evidence, rest, states, &stop),
     })
 }

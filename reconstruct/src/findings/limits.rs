@@ -132,7 +132,7 @@ fn pulse(result: &Reconstruction, epochs: &Epochs, motion: &Motion, out: &mut Ve
     }
     if result.impacts.len() > 1 {
         out.push(format!(
-            "There are {} impacts; the figures name the first.",
+            "There are {} impacts: the figures named first are those of the first one; each has its own further down.",
             result.impacts.len()
         ));
     }

@@ -203,3 +203,93 @@ fn half_g(evidence: &Evidence<'_>, pulse: &Pulse) -> [Option<Figure>; 2] {
         .map(|k| crossing(k - 1, k, &pulse.level));
     [begin, end]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::epochs::Epochs;
+    use crate::motion::Motion;
+    use crate::simulate::{Class, Scenario};
+    use schema::Sample;
+    use schema::num::{real, u64_of};
+
+    /// A half sine of 200 m/s^2 over 100 ms on 8 m/s^2 of braking, seen as 10 ms means: the analytic times.
+    #[test]
+    fn rules_meet_a_half_sine() {
+        let (top, length, braking) = (200.0, 0.1, -8.0);
+        let scenario = Scenario::draw(Class::Frontal, 1);
+        let sample = Sample {
+            accel: [Some(0.0), Some(0.0), Some(-9.81)],
+            rate: [Some(0.0); 3],
+            wheels: [None; 2],
+        };
+        let samples: Vec<_> = (0..200).map(|k| (u64_of(k), 100, sample)).collect();
+        for shift in [0.0, 0.002, 0.005, 0.0085] {
+            let begin = 1.0 + shift;
+            let epochs = Epochs::from_samples(scenario.header(), &samples, 0.0, &[]).unwrap();
+            let pi = std::f64::consts::PI;
+            let velocity = |t: f64| {
+                let x = ((t - begin) / length).clamp(0.0, 1.0);
+                -top * length / pi * (1.0 - (pi * x).cos()) + braking * t.min(begin)
+            };
+            let accel: Vec<Vector3<f64>> = epochs
+                .list
+                .iter()
+                .map(|e| Vector3::x() * ((velocity(e.t_s) - velocity(e.t_s - e.dt)) / e.dt))
+                .collect();
+            let motion = Motion {
+                smooth: accel.clone(),
+                rate: vec![Vector3::zeros(); 200],
+                impacts: Vec::new(),
+                wheels_bad: vec![false; 200],
+                after_impact: vec![false; 200],
+                accel,
+            };
+            let pulse = Pulse {
+                first: 100,
+                last: 109,
+                onset_s: begin,
+                onset_sd_s: 0.0035,
+                before: 99,
+                end_s: begin + length,
+                end_sd_s: 0.005,
+                base: Vector3::x() * braking,
+                level: Vector3::zeros(),
+            };
+            let evidence = Evidence {
+                epochs: &epochs,
+                motion: &motion,
+                snapshots: &[],
+                quantile: 1.96,
+                joint: &[],
+                wheels_only: false,
+            };
+            // The first 20 ms with 0.8 km/h, by bisection on the analytic velocity.
+            let window = |t: f64| (velocity(t + CFR_WINDOW_S) - velocity(t)).abs();
+            let (mut low, mut high) = (begin - 0.02, begin + 0.03);
+            for _ in 0..60 {
+                let mid = 0.5 * (low + high);
+                if window(mid) > CFR_DELTA_V {
+                    high = mid;
+                } else {
+                    low = mid;
+                }
+            }
+            let found = all(&evidence, &pulse);
+            let near = |f: Option<Figure>, t: f64| {
+                let f = f.unwrap();
+                assert!(f.low < t && t < f.high, "{shift}: {f:?} {t}");
+                assert!(f.sd < 0.012);
+            };
+            near(found[1].begin_t_s, high);
+            // 200 sin(pi x) = 4.9 less the braking that ends at the begin: 2.0 ms and 99.2 ms.
+            let crossing = |a: f64| (a / top).asin() / pi * length;
+            near(
+                found[2].begin_t_s,
+                begin + crossing(HALF_G - braking).min(0.0064),
+            );
+            near(found[2].end_t_s, begin + length - crossing(HALF_G));
+            assert!(real(found.len()) > 2.5 && end_doubt(&found) < 0.01);
+        }
+    }
+}

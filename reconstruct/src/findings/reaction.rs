@@ -72,16 +72,16 @@ pub struct Reaction {
     pub brake_unit: Option<String>,
 }
 
-/// Rows each 0.5 s over `seconds` up to `end_s` (seconds from the trigger), as far as the states go.
+/// Rows each 0.5 s over `seconds` up to `end` (seconds from the trigger), as far as the states go.
 #[must_use]
-pub fn rows(evidence: &Evidence<'_>, states: &[State], seconds: f64, end_s: f64) -> Vec<Row> {
+pub fn rows(evidence: &Evidence<'_>, states: &[State], seconds: f64, end: &Figure) -> Vec<Row> {
     let count = round_usize((seconds / STEP_S).max(0.0).floor());
     let mut out: Vec<Row> = (0..=count)
         .rev()
-        .filter_map(|i| row(evidence, states, real(i) * STEP_S, end_s))
+        .filter_map(|i| row(evidence, states, real(i) * STEP_S, end))
         .collect();
     for row in &mut out {
-        row.distance_m = way(states, row.t_s, end_s, evidence.quantile);
+        row.distance_m = way(states, row.t_s, end.value, evidence.quantile);
     }
     out
 }
@@ -104,9 +104,9 @@ pub fn way(states: &[State], from_s: f64, to_s: f64, quantile: f64) -> Figure {
     Figure::non_negative(sum, sd, quantile)
 }
 
-fn row(evidence: &Evidence<'_>, states: &[State], back: f64, end_s: f64) -> Option<Row> {
+fn row(evidence: &Evidence<'_>, states: &[State], back: f64, end: &Figure) -> Option<Row> {
     let q = evidence.quantile;
-    let t = end_s - back;
+    let t = end.value - back;
     // The states on both sides; in the pulse the one before it must do, drawn on with its own speed.
     let after = states.partition_point(|s| s.t_s <= t + 1e-9);
     let a = states.get(after.checked_sub(1)?)?;
@@ -122,15 +122,19 @@ fn row(evidence: &Evidence<'_>, states: &[State], back: f64, end_s: f64) -> Opti
     let turn = turn - std::f64::consts::TAU * (turn / std::f64::consts::TAU).round();
     let heading = a.heading + turn * share + a.yaw_rate.unwrap_or(0.0) * lead;
     let place = |i: usize| mix(a.position[i], b.position[i]) + a.velocity[i] * lead;
-    let push = a.accel[0].unwrap_or(0.0) * lead;
+    let accel = a.accel[0].unwrap_or(0.0);
+    // The reference is known to its own time: the doubt moves the row along the path.
+    let speed_sd = mix(a.sd_speed, b.sd_speed).hypot(accel * end.sd);
+    let place_sd = |sd: f64, i: usize| sd.hypot(a.velocity[i] * end.sd);
     let [forward, right] = [0, 1].map(|axis| mean(states, axis, a.t_s, q));
     Some(Row {
         before_s: -back,
         t_s: t,
-        speed_mps: Figure::new(mix(a.speed, b.speed) + push, mix(a.sd_speed, b.sd_speed), q),
-        north_m: Figure::new(place(0), mix(a.sd_north, b.sd_north), q),
-        east_m: Figure::new(place(1), mix(a.sd_east, b.sd_east), q),
-        cov_north_east_m2: mix(a.cov_north_east, b.cov_north_east),
+        speed_mps: Figure::new(mix(a.speed, b.speed) + accel * lead, speed_sd, q),
+        north_m: Figure::new(place(0), place_sd(mix(a.sd_north, b.sd_north), 0), q),
+        east_m: Figure::new(place(1), place_sd(mix(a.sd_east, b.sd_east), 1), q),
+        cov_north_east_m2: mix(a.cov_north_east, b.cov_north_east)
+            + a.velocity[0] * a.velocity[1] * end.sd * end.sd,
         heading_deg: Figure::new(
             heading.to_degrees().rem_euclid(360.0),
             mix(a.sd_heading, b.sd_heading).to_degrees(),

@@ -6,7 +6,7 @@ use crate::findings::curve::{Peak, reported};
 use crate::findings::{Figure, Impact, Reconstruction};
 use crate::report::number::{self, KMH};
 use crate::report::svg::escape;
-use crate::report::tables::{row, table, with_bounds};
+use crate::report::tables::{row, stacked, table, with_bounds};
 
 /// Everything about the impacts; a sentence where there was none.
 #[must_use]
@@ -117,9 +117,9 @@ fn impacts(r: &Reconstruction) -> String {
     } else {
         "sensor's place, as the centre of gravity is not configured"
     };
-    let _ = write!(
+    let _ = writeln!(
         out,
-        "<p>Delta\u{2011}V is that of the {point}, with the turning of the car during the pulse taken out.{}</p>\n",
+        "<p>Delta\u{2011}V is that of the {point}, with the turning of the car during the pulse taken out.{}</p>",
         if r.details.multi_event > 1 {
             format!(
                 " {} impacts began within 5 s of each other: a crash of several events by 49 CFR 563.",
@@ -132,31 +132,31 @@ fn impacts(r: &Reconstruction) -> String {
     out
 }
 
-/// Begin and end of each pulse after each rule.
+/// Begin and end of each pulse after each rule: one row a rule, two columns an impact.
 fn rules(r: &Reconstruction) -> String {
     let mut rows = String::new();
-    for (i, impact) in r.impacts.iter().enumerate() {
-        for times in &impact.delta_v.times {
-            let cell = |f: &Option<Figure>| {
-                f.as_ref()
-                    .map_or_else(|| "not found".to_owned(), |f| with_bounds(f, 1.0, 3, "s"))
-            };
-            let heading = if r.impacts.len() > 1 {
-                format!("{}: {}", name(r, i), times.rule.words())
-            } else {
-                times.rule.words().to_owned()
-            };
-            row(
-                &mut rows,
-                &heading,
-                &[cell(&times.begin_t_s), cell(&times.end_t_s)],
-            );
+    let cell = |f: &Option<Figure>| {
+        f.as_ref()
+            .map_or_else(|| "not found".to_owned(), |f| with_bounds(f, 1.0, 3, "s"))
+    };
+    let first = &r.impacts[0].delta_v.times;
+    for (k, rule) in first.iter().map(|t| t.rule).enumerate() {
+        let mut cells = Vec::new();
+        for impact in &r.impacts {
+            if let Some(times) = impact.delta_v.times.get(k) {
+                cells.extend([cell(&times.begin_t_s), cell(&times.end_t_s)]);
+            }
         }
+        row(&mut rows, rule.words(), &stacked(cells));
     }
     if rows.is_empty() {
         return rows;
     }
-    let head = ["Rule for begin and end of the pulse", "Begin", "End"];
+    let mut head = vec!["Rule for begin and end of the pulse".to_owned()];
+    for i in 0..r.impacts.len() {
+        head.extend(["begin", "end"].map(|what| format!("{}, {what}", name(r, i))));
+    }
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
     format!(
         "<h3>Begin and end of the pulse</h3>\n{}",
         table("plain rules", &head, &rows)

@@ -23,6 +23,8 @@ pub(crate) mod plan_marks;
 pub mod record_tables;
 #[cfg(test)]
 pub(crate) mod sample_case;
+#[cfg(test)]
+pub(crate) mod sample_details;
 pub mod summary;
 pub(crate) mod summary_details;
 pub mod svg;

@@ -2,13 +2,14 @@
 
 use schema::num;
 
-use crate::findings::Reconstruction;
+use crate::findings::curve::{CurvePoint, reported};
+use crate::findings::{Figure, Reconstruction};
 use crate::report::axis::Scale;
 use crate::report::labels::Area;
 use crate::report::motion_parts::{
     BLUE, BLUE_BAND, Event, VERMILION, VERMILION_BAND, events, plots, range, series, shaded, span,
 };
-use crate::report::number;
+use crate::report::number::{self, KMH};
 use crate::report::panel::{Panel, Series, hatch};
 use crate::report::svg::{self, Anchor, Svg, text_width};
 use crate::stats::two_sided_quantile;
@@ -93,6 +94,13 @@ pub fn picture(r: &Reconstruction, layout: Layout, prefix: &str) -> String {
         [left, y, width, size],
         &format!("{prefix}p"),
     );
+    y = change(
+        &mut body,
+        r,
+        z,
+        [left, y, width, size],
+        &format!("{prefix}c"),
+    );
     y = legend(&mut body, r, !shaded.is_empty(), [left, y, width, size]);
     svg.rect([0.0, 0.0], [width, y], "fill=\"#fff\"");
     marks(
@@ -149,7 +157,8 @@ fn header(
     let places = events
         .iter()
         .map(|e| {
-            let w = text_width(&e.label, size) + 10.0;
+            // Fonts differ: a replacement may be a tenth wider.
+            let w = 1.1 * text_width(&e.label, size) + 10.0;
             let at = left + (e.t_s - span[0]) / (span[1] - span[0]) * width;
             let x = (at - 0.5 * w).clamp(left, (left + width - w).max(left));
             let free = |row: &Vec<[f64; 2]>| row.iter().all(|[a, b]| x > *b || x + w < *a);
@@ -225,6 +234,73 @@ fn pulse(
             let x = panel.time().at(t);
             svg.line([x, panel.area.y], [x, panel.area.y + panel.area.h], style);
         }
+    }
+    panel.finish(svg);
+    panel.area.y + panel.area.h + 3.4 * size
+}
+
+/// The cumulative delta-V of the first impact; gives the height reached.
+fn change(
+    svg: &mut Svg,
+    r: &Reconstruction,
+    z: f64,
+    [left, y, width, size]: [f64; 4],
+    id: &str,
+) -> f64 {
+    let Some(impact) = r.impacts.first() else {
+        return y;
+    };
+    let points = reported(&impact.delta_v.curve);
+    let Some(last) = points.last() else {
+        return y;
+    };
+    let line = |of: &dyn Fn(&CurvePoint) -> Figure, color, band, dash| Series {
+        points: std::iter::once((0.0, Some(0.0), 0.0))
+            .chain(points.iter().map(|p| {
+                let f = of(p);
+                (p.after_onset_s, Some(f.value * KMH), z * f.sd * KMH)
+            }))
+            .collect(),
+        color,
+        band,
+        dash,
+    };
+    let forward = line(&|p| p.longitudinal_mps, BLUE, BLUE_BAND, "");
+    let right = line(&|p| p.lateral_mps, VERMILION, VERMILION_BAND, "7 3");
+    let (a, b) = (
+        range(&forward, 10.0, |_| false),
+        range(&right, 10.0, |_| false),
+    );
+    let panel = Panel {
+        title: if width > 700.0 {
+            "Cumulative delta-V: forward (solid) and to the right (dashed), axes of the car at the onset, km/h"
+        } else {
+            "Delta-V: forward, right (dashed), km/h"
+        },
+        area: Area {
+            x: left,
+            y: y + 24.0,
+            w: width - left - 16.0,
+            h: 150.0,
+        },
+        span: [0.0, last.after_onset_s.max(0.05)],
+        range: [a[0].min(b[0]), a[1].max(b[1])],
+        time_factor: 1000.0,
+        time_label: Some("milliseconds after the onset of the first impact"),
+        size,
+        id,
+    };
+    panel.start(svg, &[]);
+    panel.series(svg, &right);
+    panel.series(svg, &forward);
+    let end = impact.delta_v.end_t_s - impact.t_s.value;
+    if end > 0.0 && end < panel.span[1] {
+        let x = panel.time().at(end);
+        svg.line(
+            [x, panel.area.y],
+            [x, panel.area.y + panel.area.h],
+            "stroke=\"#a3003f\" stroke-width=\"1.2\" stroke-dasharray=\"3 3\"",
+        );
     }
     panel.finish(svg);
     panel.area.y + panel.area.h + 3.4 * size

@@ -68,7 +68,8 @@ pub(crate) fn plots(r: &Reconstruction, z: f64) -> Vec<Plot> {
         range(&speed, 10.0, |_| false),
         quiet(&forward, 4.0),
         quiet(&right, 4.0),
-        quiet(&yaw, 10.0),
+        // A spin begins in the pulse and is seen whole.
+        range(&yaw, 10.0, |_| false),
     ];
     let [r0, r1, r2, r3] = ranges;
     vec![

@@ -276,6 +276,20 @@ mod tests {
             "{outside:?}"
         );
         assert!(!page.contains("class=\"banner\""));
+        // Results first, then what they rest on.
+        let order = [
+            "<h2>Summary",
+            "<h2>The last seconds before the impact",
+            "<h2>The impacts",
+            "<h2>Roll-over and rest",
+            "<h2>Models side by side",
+            "<h2>Where the uncertainty comes from",
+            "<h2>The record",
+        ]
+        .map(|heading| page.find(heading).expect(heading));
+        assert!(order.is_sorted());
+        assert!(page.contains("wheel &lt;scale&gt;") && !page.contains("<scale>"));
+        assert!(page.contains("over the left side") && page.contains("Brake signal, %"));
         for text in [
             "What limits this result",
             "identity unproven",

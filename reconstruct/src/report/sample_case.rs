@@ -11,7 +11,6 @@ use schema::num;
 use schema::parts::{Clip, ClockStep, Completion, Gap, Health, SignalHealth, Trigger, TriggerKind};
 use schema::scale::{TwoSlope, WheelScale};
 
-use crate::findings::details::Details;
 use crate::findings::{
     Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction, Rest, RoadUse, WheelUse,
 };
@@ -139,7 +138,7 @@ fn findings(states: Vec<State>) -> Reconstruction {
                 duration_s: figure(0.112, 0.008),
                 end_t_s: 0.1,
                 point: "cg",
-                ..DeltaV::default()
+                ..super::sample_details::pulse()
             },
         }],
         braking: Some(Braking {
@@ -156,8 +155,8 @@ fn findings(states: Vec<State>) -> Reconstruction {
             answer("published", &start, 1.2, 1.9, onset.speed + 0.08),
             answer("nine-state", &start, 0.0, 1.4, onset.speed),
         ],
-        comparisons: Vec::new(),
-        details: Details::default(),
+        comparisons: vec![super::sample_details::comparison()],
+        details: super::sample_details::details(),
         road: RoadUse { samples: 2600, roll: 12, pitch: 0, vertical: 3 },
         wheels: WheelUse { offered: 3400, used: 2480, refused_physics: 610, refused_innovation: 22, below_cutoff: 288 },
         missing_samples: 15,

@@ -146,7 +146,7 @@ fn rollover(over: &RollOver) -> Value {
     let mut map = Map::new();
     map.insert("axis".into(), json!(over.axis));
     bounded(&mut map, "angle", "deg", &over.angle_deg);
-    map.insert("largest_deg".into(), finite(over.largest_deg));
+    bounded(&mut map, "largest", "deg", &over.largest_deg);
     map.insert("quarter_turns".into(), json!(over.quarter_turns));
     map.insert("certain".into(), json!(over.certain));
     bounded(&mut map, "begin_t", "s", &over.begin_t_s);
@@ -160,7 +160,7 @@ fn final_rest(rest: &FinalRest) -> Value {
     bounded(&mut map, "stop_t", "s", &rest.stop_t_s);
     map.insert("stop_below_mps".into(), json!(CREEP_MPS));
     map.insert("settled_t_s".into(), finite(rest.settled_t_s));
-    map.insert("duration_s".into(), finite(rest.duration_s));
+    bounded(&mut map, "duration", "s", &rest.duration_s);
     bounded(&mut map, "roll", "deg", &rest.roll_deg);
     bounded(&mut map, "pitch", "deg", &rest.pitch_deg);
     bounded(&mut map, "heading", "deg", &rest.heading_deg);

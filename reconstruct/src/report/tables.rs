@@ -65,6 +65,12 @@ pub(crate) fn with_bounds(f: &Figure, factor: f64, most: usize, unit: &str) -> S
     text.replace('-', "\u{2212}")
 }
 
+/// Bounds on a line of their own, for tables with many columns.
+pub(crate) fn stacked(cells: Vec<String>) -> Vec<String> {
+    let stack = |c: String| c.replacen(" (", "\n(", 1).replace(' ', "\u{a0}");
+    cells.into_iter().map(stack).collect()
+}
+
 /// Every figure with its bounds; speeds in km/h first, then m/s.
 #[must_use]
 pub fn figures(r: &Reconstruction) -> String {
@@ -170,7 +176,7 @@ pub fn models(r: &Reconstruction) -> String {
         row(
             &mut rows,
             &name,
-            &[
+            &stacked(vec![
                 m.impact_speed_mps.as_ref().map_or_else(none, speed),
                 at(&|i| with_bounds(&i.heading_deg, 1.0, 1, "")),
                 at(&|i| place(&i.north_m)),
@@ -179,7 +185,7 @@ pub fn models(r: &Reconstruction) -> String {
                 at(&|i| speed(&i.lateral_mps)),
                 place(&m.start_north_m),
                 place(&m.start_east_m),
-            ],
+            ]),
         );
     }
     table(

@@ -108,13 +108,47 @@ fn findings(r: &Reconstruction, out: &mut Vec<String>) {
             crate::export::fixed::fixed(window, 1)
         ),
     ));
+    rest(r, out);
+}
+
+fn rest(r: &Reconstruction, out: &mut Vec<String>) {
     out.push(item(
         "Rest",
         &match (r.rest.found, r.rest.t_s) {
-            (true, Some(t)) => format!("at t = {} s", crate::export::fixed::fixed(t, 1)),
+            (true, Some(t)) => {
+                let on = r
+                    .details
+                    .final_rest
+                    .as_ref()
+                    .map_or("wheels", |f| f.lies_on);
+                let on = match on {
+                    "wheels" | "unknown" => String::new(),
+                    on => format!(", on its {on}"),
+                };
+                format!("at t = {} s{on}", crate::export::fixed::fixed(t, 1))
+            }
             _ => "not reached: the record ends moving".to_owned(),
         },
     ));
+    if let Some(over) = &r.details.rollover {
+        let angle = number::shown(&over.angle_deg, 1.0, 0);
+        let bounds = angle
+            .bounds
+            .map_or(String::new(), |(l, h)| format!(" ({l} to {h})"));
+        out.push(item(
+            "Roll-over",
+            &format!(
+                "{} quarter turns, {} deg{bounds}{}",
+                over.quarter_turns,
+                angle.value,
+                if over.certain {
+                    ""
+                } else {
+                    ", turns not certain"
+                }
+            ),
+        ));
+    }
 }
 
 fn limits(r: &Reconstruction, room: usize) -> Vec<String> {

@@ -30,6 +30,8 @@ pub fn sentences(r: &Reconstruction, case: &Case<'_>) -> Vec<String> {
         ));
     }
     out.push(course(r));
+    out.extend(roll_over(r));
+    out.extend(way_to_rest(r));
     out
 }
 
@@ -161,6 +163,70 @@ fn course(r: &Reconstruction) -> String {
         _ => text.push_str(" The record ends before the car is at rest."),
     }
     text
+}
+
+fn roll_over(r: &Reconstruction) -> Option<String> {
+    let over = r.details.rollover.as_ref()?;
+    let turned = number::shown(&over.angle_deg, 1.0, 0)
+        .value
+        .replace('-', "");
+    let size = Figure {
+        low: over.angle_deg.low.abs().min(over.angle_deg.high.abs()),
+        high: over.angle_deg.low.abs().max(over.angle_deg.high.abs()),
+        ..over.angle_deg
+    };
+    let side = match (over.axis, over.angle_deg.value > 0.0) {
+        ("roll", true) => "over its right side",
+        ("roll", false) => "over its left side",
+        (_, true) => "backwards over its tail",
+        (_, false) => "forwards over its nose",
+    };
+    Some(format!(
+        "The car rolled {side}, from {} to {}: it turned by {turned} degrees{}, that is {} quarter turn{}{}.",
+        when(over.begin_t_s.value, 1),
+        when(over.end_t_s.value, 1),
+        tail(r, number::bounds(&size, 1.0, 0, "degrees")),
+        over.quarter_turns,
+        if over.quarter_turns == 1 { "" } else { "s" },
+        if over.certain {
+            ""
+        } else {
+            "; a gyro was silent or at its limit, so whole turns may be missing"
+        },
+    ))
+}
+
+fn way_to_rest(r: &Reconstruction) -> Option<String> {
+    let rest = r.details.final_rest.as_ref()?;
+    let from = rest.from_impact.as_ref()?;
+    let turn = from.rotation_deg.value;
+    let size = Figure {
+        value: turn.abs(),
+        low: if turn < 0.0 {
+            -from.rotation_deg.high
+        } else {
+            from.rotation_deg.low
+        },
+        high: if turn < 0.0 {
+            -from.rotation_deg.low
+        } else {
+            from.rotation_deg.high
+        },
+        ..from.rotation_deg
+    };
+    Some(format!(
+        "From the first impact to the rest it moved {} m along its path{} and turned by {} degrees to the {}{}.{}",
+        number::shown(&from.path_m, 1.0, 1).value,
+        tail(r, number::bounds(&from.path_m, 1.0, 1, "m")),
+        number::shown(&size, 1.0, 1).value,
+        if turn < 0.0 { "left" } else { "right" },
+        tail(r, number::bounds(&size, 1.0, 1, "degrees")),
+        if r.details.no_attitude {
+            String::new()
+        } else {
+            format!(" It lies on its {}.", rest.lies_on)
+        },
+    ))
 }
 
 #[cfg(test)]
