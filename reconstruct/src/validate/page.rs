@@ -7,15 +7,16 @@ use crate::report::svg::escape;
 use crate::validate::bars::Bar;
 use crate::validate::fixes::Window;
 use crate::validate::json::{GENERAL, definition};
+use crate::validate::measure::{Measure, When};
 use crate::validate::score::BACK_S;
-use crate::validate::tables::{Figures, Measure, When, find};
+use crate::validate::tables::{Figures, find};
 use crate::validate::{ALL, ModelTables, Validation, page_tables as tables, pictures};
 
 const STYLE: &str = include_str!("../report/page.css");
 /// What this page has beyond the report.
 const OWN: &str = "\
 .panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(290px,1fr));gap:10px}
-.four{grid-template-columns:repeat(auto-fit,minmax(245px,1fr))}
+.four{grid-template-columns:repeat(auto-fit,minmax(min(100%,400px),1fr))}
 .numbers td,.numbers th:nth-child(n+2){text-align:right;font-variant-numeric:tabular-nums}
 .numbers td{white-space:nowrap}
 .numbers{font-size:.8rem}
@@ -23,7 +24,7 @@ const OWN: &str = "\
 .numbers tr.first th,.numbers tr.first td{border-top:1px solid #6d757e}
 .bars{font-size:.86rem}
 .bars .group th{font-weight:bold;background:#f2f4f6;padding-top:10px}
-.bars td:last-child{font-weight:bold;white-space:nowrap}
+.bars td:last-child{font-weight:bold}
 .bars .met td:last-child{color:#1d5c38}
 .bars .missed td:last-child{color:#8a0035}
 .bars .missed{background:#fdecf1}
@@ -33,6 +34,9 @@ h3{font-size:1.02rem;margin:22px 0 8px;break-after:avoid}
 .numbers th,.numbers td,.bars th,.bars td{padding:2px 4px}.bars .missed{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .model{break-before:page}}
 ";
+
+/// Seeds by which figures were chosen.
+const TUNED: [u64; 2] = [1, 100];
 
 /// The limits of the method, said before any figure.
 const LIMITS: [&str; 5] = [
@@ -189,6 +193,14 @@ fn tested(v: &Validation) -> String {
         ));
         say("The truth is the simulated motion before any sensor. The reconstruction sees the record alone: 10 ms means, packed as the recorder packs them, from 30 s before the trigger to the end.".to_owned());
     }
+    let used = |first: u64, last: u64| first <= TUNED[1] && last >= TUNED[0];
+    let simulated = !s.classes.is_empty() && used(s.seeds[0], s.seeds[1]);
+    if simulated || s.fault_seeds.is_some_and(|[first, last]| used(first, last)) {
+        say(format!(
+            "Seeds {} to {} were used in tuning and some of them are in this run: its figures flatter.",
+            TUNED[0], TUNED[1]
+        ));
+    }
     if let Some([first, last]) = s.fault_seeds {
         say(format!(
             "{} faults, one at a time, each in {} crashes (seeds {first} to {last}, the crash classes in turn).",
@@ -218,7 +230,7 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
         out,
         &format!("{}: what must hold", t.model),
         &format!(
-            "<p>Verdicts go by the best estimate; the interval says how firmly. The bars are those of the refined model; others are held against the same, so that they can be compared.</p>\n{}",
+            "<p>Verdicts go by the best estimate; \u{201c}not firmly\u{201d} where the interval reaches over the bar. The bars are those of the refined model; others are held against the same, so that they can be compared.</p>\n{}",
             tables::bars(bars)
         ),
     );
