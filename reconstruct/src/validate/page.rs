@@ -23,6 +23,7 @@ const OWN: &str = "\
 .numbers th,.numbers td{padding:4px 6px}
 .numbers tr.first th,.numbers tr.first td{border-top:1px solid #6d757e}
 .bars{font-size:.86rem}
+.facts td{overflow-wrap:break-word}
 .bars .group th{font-weight:bold;background:#f2f4f6;padding-top:10px}
 .bars td:last-child{font-weight:bold}
 .bars .met td:last-child{color:#1d5c38}
@@ -30,7 +31,7 @@ const OWN: &str = "\
 .bars .missed{background:#fdecf1}
 .bars .open td:last-child{color:#474e57}
 h3{font-size:1.02rem;margin:22px 0 8px;break-after:avoid}
-@media print{.panels,.four{grid-template-columns:1fr 1fr}.numbers{font-size:7.5pt}.bars{font-size:8.5pt}
+@media print{.panels,.four{grid-template-columns:1fr 1fr}.scroll{overflow:visible}.numbers{font-size:7.5pt}.dense{font-size:6.3pt}.bars{font-size:8.5pt}
 .numbers th,.numbers td,.bars th,.bars td{padding:2px 4px}.bars .missed{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .model{break-before:page}}
 ";
@@ -273,7 +274,7 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
             out,
             &format!("{}: recordings", t.model),
             &format!(
-                "<p>The path is laid on the fixes 3 to 30 m before its end; the noise of the fixes and the covariance of the laying are added to the ellipse.</p>\n{}",
+                "<p>The path is laid on the fixes 3 to 30 m before its end; the noise of the fixes and the covariance of the laying are added to the ellipse. Reference speeds are taken as exact, though they are not: their shares are the least that can be said.</p>\n{}",
                 tables::windows(&windows)
             ),
         );

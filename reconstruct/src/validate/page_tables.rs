@@ -297,7 +297,7 @@ pub(super) fn faults(list: &[&FaultTables]) -> String {
         "Same words without it",
     ]
     .map(nice);
-    table("numbers", &head.each_ref().map(String::as_str), &rows)
+    table("numbers dense", &head.each_ref().map(String::as_str), &rows)
 }
 
 /// Recordings.
@@ -336,7 +336,7 @@ pub(super) fn windows(list: &[&Window]) -> String {
         "Speeds inside, %",
     ]
     .map(nice);
-    table("numbers", &head.each_ref().map(String::as_str), &rows)
+    table("numbers dense", &head.each_ref().map(String::as_str), &rows)
 }
 
 /// What could not be scored.

@@ -172,7 +172,11 @@ fn figures(samples: &[Sample]) -> Option<Figures> {
         bias: mean(&errors).filter(|_| samples.iter().any(|s| s.signed)),
         coverage: (!inside.is_empty())
             .then(|| [0, 1, 2, 3].map(|i| Share::count(inside.iter().map(|x| x[i])))),
-        nees: mean(&nees),
+        // A mean of squares: the interval's lower end cannot be below zero.
+        nees: mean(&nees).map(|e| Estimate {
+            low: e.low.max(0.0),
+            ..e
+        }),
     })
 }
 
