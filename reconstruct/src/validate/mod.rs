@@ -56,6 +56,21 @@ pub struct Found {
     pub rest: Share,
 }
 
+impl ModelTables {
+    /// What the figures leave out: impacts that were not found are in none of those of an impact.
+    #[must_use]
+    pub fn left_out(&self) -> Option<String> {
+        let f = self.found.iter().find(|f| f.group == ALL)?;
+        (f.scored.of > 0).then(|| {
+            format!(
+                "Scored {} of {} crashes; rest found in {}; impacts found {} of {} (those not found are in no figure of \
+                 the impact), false ones {}.",
+                f.scored.hits, f.scored.of, f.rest.hits, f.impacts.hits, f.impacts.of, f.false_impacts
+            )
+        })
+    }
+}
+
 /// The tables of one model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelTables {

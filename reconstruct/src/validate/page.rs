@@ -231,7 +231,8 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
         out,
         &format!("{}: what must hold", t.model),
         &format!(
-            "<p>Verdicts go by the best estimate; \u{201c}not firmly\u{201d} where the interval reaches over the bar. The bars are those of the refined model; others are held against the same, so that they can be compared.</p>\n{}",
+            "<p>Verdicts go by the best estimate; \u{201c}not firmly\u{201d} where the interval reaches over the bar. The bars are those of the refined model; others are held against the same, so that they can be compared. {}</p>\n{}",
+            escape(&t.left_out().unwrap_or_default()),
             tables::bars(bars)
         ),
     );

@@ -25,6 +25,9 @@ pub fn summary(v: &Validation) -> String {
             count(Some(false)),
             count(None)
         );
+        if let Some(text) = tables.left_out() {
+            let _ = writeln!(out, "{text}");
+        }
         for bar in &bars {
             let _ = writeln!(
                 out,
