@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use reconstruct::run::Model;
 use reconstruct::simulate::Class;
-use reconstruct::validate::faults::{self, Fault, FaultPlan};
+use reconstruct::validate::fault_runs::{self, FaultPlan};
+use reconstruct::validate::faults::Fault;
 use reconstruct::validate::fixes::Window;
 use reconstruct::validate::folder::{self, FolderPlan, Unused};
 use reconstruct::validate::sets::{self, Plan};
@@ -79,7 +80,7 @@ struct Seeds {
 }
 
 /// Most crashes of one class in one run: the scores of all are held in memory.
-const MOST_SEEDS: u64 = 100_000;
+const MOST_SEEDS: u64 = 10_000;
 
 fn class(text: &str) -> Result<Class, String> {
     text.trim()
@@ -136,7 +137,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
             threads,
         };
         let mut progress = Progress::new("crashes with faults");
-        let (faults, failures) = faults::run(&plan, |done, all| progress.show(done, all));
+        let (faults, failures) = fault_runs::run(&plan, |done, all| progress.show(done, all));
         set.failures.extend(failures);
         faults
     } else {

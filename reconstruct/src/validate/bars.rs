@@ -3,29 +3,16 @@
 //! The items are those of the acceptance list: 1 impact speed, 2 path and heading, 3 delta-V, 4 honest bounds, 5 real
 //! drives, 6 faults. A bar is met or not by the best estimate; the interval beside it says how firmly.
 
-use crate::validate::faults::FaultTables;
+use crate::validate::fault_runs::FaultTables;
 use crate::validate::fixes::Window;
-use crate::validate::score::BACK_S;
+use crate::validate::honesty;
+use crate::validate::measure::{Measure, When};
 use crate::validate::statistics::{Estimate, quantile_estimate, sorted};
-use crate::validate::tables::{Figures, LEVELS, Measure, Row, When, find};
+use crate::validate::tables::{Figures, Row, find};
 use crate::validate::{ALL, ModelTables};
 
-/// Allowed distance of coverage from its level at 50, 80, 95 and 99 %, in percent.
-const COVERAGE_SLACK: [f64; 4] = [3.0, 3.0, 2.0, 3.0];
 /// Least coverage at the 95 % level of any class, and of any fault, %.
 const LEAST: f64 = 90.0;
-/// Bounds of the mean normalised squared error.
-const NEES: [f64; 2] = [0.85, 1.15];
-/// Measures of an impact whose bounds must be honest.
-const IMPACT_BOUNDS: [Measure; 4] = [
-    Measure::ImpactSpeed,
-    Measure::Longitudinal,
-    Measure::Lateral,
-    Measure::Resultant,
-];
-/// Measures of an instant whose bounds must be honest.
-const MOMENT_BOUNDS: [Measure; 3] = [Measure::Position, Measure::Speed, Measure::Heading];
-
 /// One line of the list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
@@ -37,18 +24,27 @@ pub struct Bar {
     pub measured: String,
     /// The bar.
     pub bar: String,
-    /// Whether it is met; `None`: not measured.
+    /// Whether it is met by the best estimate; `None`: not measured.
     pub met: Option<bool>,
+    /// Whether the whole 95 % interval is on the same side of the bar; `None`: not measured, or no single figure.
+    pub firm: Option<bool>,
 }
 
 impl Bar {
-    fn most(item: u8, what: &str, measured: Option<Estimate>, unit: &str, most: f64) -> Self {
+    pub(super) fn most(
+        item: u8,
+        what: &str,
+        measured: Option<Estimate>,
+        unit: &str,
+        most: f64,
+    ) -> Self {
         Self {
             item,
             what: what.to_owned(),
             measured: measured.map_or("not measured".to_owned(), |e| shown(e, unit)),
             bar: format!("at most {most} {unit}"),
             met: measured.map(|e| e.value <= most),
+            firm: measured.map(|e| (e.low <= most) == (e.high <= most)),
         }
     }
 
@@ -74,12 +70,23 @@ impl Bar {
             None => "not measured",
         }
     }
+
+    /// The verdict, and whether the interval leaves it open.
+    #[must_use]
+    pub fn verdict_in_words(&self) -> String {
+        let open = if self.firm == Some(false) {
+            ", not firmly"
+        } else {
+            ""
+        };
+        format!("{}{open}", self.verdict())
+    }
 }
 
 /// A figure with its interval, to three digits.
 #[must_use]
 pub fn shown(e: Estimate, unit: &str) -> String {
-    let digits = if e.value.abs() >= 9.995 {
+    let digits = if e.value.abs() >= 9.995 || e.high >= 9.995 {
         1
     } else if e.value.abs() >= 0.0995 {
         2
@@ -97,7 +104,7 @@ pub fn shown(e: Estimate, unit: &str) -> String {
 pub fn bars(tables: &ModelTables, faults: &[FaultTables], windows: &[Window]) -> Vec<Bar> {
     let mut out = Vec::new();
     errors(&mut out, &tables.rows);
-    bounds(&mut out, tables);
+    honesty::bounds(&mut out, tables);
     drives(&mut out, tables.model, windows);
     for fault in faults.iter().filter(|f| f.model == tables.model) {
         out.extend(fault_bars(fault));
@@ -183,107 +190,12 @@ fn errors(out: &mut Vec<Bar>, rows: &[Row]) {
     ));
 }
 
-fn bounds(out: &mut Vec<Bar>, tables: &ModelTables) {
-    let places = honest();
-    for (measure, when) in &places {
-        let figures = find(&tables.rows, ALL, *measure, *when);
-        out.push(coverage(*measure, *when, figures));
-    }
-    let worst = tables
-        .rows
-        .iter()
-        .filter(|r| r.group != ALL && places.contains(&(r.measure, r.when)))
-        .filter_map(|r| Some((r, r.figures.coverage.as_ref()?[2].estimate()?)))
-        .min_by(|a, b| a.1.value.total_cmp(&b.1.value));
-    out.push(least(
-        4,
-        "inside the 95 % bounds in the worst class",
-        worst.map(|(row, e)| {
-            (
-                format!(
-                    "{}, {} at {}",
-                    row.group,
-                    row.measure.words(),
-                    row.when.name()
-                ),
-                e,
-            )
-        }),
-    ));
-    let all = tables
-        .rows
-        .iter()
-        .filter(|r| r.group == ALL && places.contains(&(r.measure, r.when)))
-        .filter_map(|r| Some((r, r.figures.coverage.as_ref()?[2].estimate()?)))
-        .min_by(|a, b| a.1.value.total_cmp(&b.1.value));
-    out.push(least(
-        4,
-        "inside the 95 % bounds, worst measure over all crashes (the bound of nine-state)",
-        all.map(|(row, e)| (format!("{}, {}", row.measure.words(), row.when.name()), e)),
-    ));
-    out.push(Bar::most(
-        4,
-        "long half axis at -30 s over the ideal filter's, median",
-        tables.width,
-        "",
-        1.3,
-    ));
+/// Whether a share's whole interval is on one side of a bar in percent.
+fn firm(e: Estimate, bar: f64) -> bool {
+    (100.0 * e.low >= bar) == (100.0 * e.high >= bar)
 }
 
-/// Every measure and place whose bounds must be honest.
-fn honest() -> Vec<(Measure, When)> {
-    let moments = MOMENT_BOUNDS
-        .iter()
-        .flat_map(|m| (0..BACK_S.len()).map(|i| (*m, When::Back(i))));
-    let impacts = IMPACT_BOUNDS.iter().map(|m| (*m, When::Impact(0)));
-    moments.chain(impacts).collect()
-}
-
-/// Coverage at the four levels and the mean squared error in units of the covariance: both must hold.
-fn coverage(measure: Measure, when: When, figures: Option<&Figures>) -> Bar {
-    let found = figures.and_then(|f| Some((f.coverage?, f.nees)));
-    let percents = found.map(|(shares, _)| shares.map(|share| 100.0 * share.value()));
-    let measured = found
-        .zip(percents)
-        .map_or("not measured".to_owned(), |((shares, nees), p)| {
-            let at95 = shares[2].estimate().map_or(String::new(), |e| {
-                format!(" (95 %: {:.1} to {:.1})", 100.0 * e.low, 100.0 * e.high)
-            });
-            let nees = nees.map_or("no NEES".to_owned(), |e| {
-                format!("NEES/n {:.2} ({:.2} to {:.2})", e.value, e.low, e.high)
-            });
-            format!(
-                "{} %{at95}; {nees}",
-                p.map(|x| format!("{x:.1}")).join(" / ")
-            )
-        });
-    let near = |p: [f64; 4]| {
-        p.iter()
-            .zip(LEVELS)
-            .zip(COVERAGE_SLACK)
-            .all(|((x, level), slack)| (x - 100.0 * level).abs() <= slack + 1e-9)
-    };
-    let honest =
-        |nees: Option<Estimate>| nees.is_some_and(|e| (NEES[0]..=NEES[1]).contains(&e.value));
-    Bar {
-        item: 4,
-        what: format!(
-            "{}, {}: inside the 50 / 80 / 95 / 99 % bounds",
-            measure.words(),
-            when.name()
-        ),
-        measured,
-        bar: format!(
-            "within 3 / 3 / 2 / 3 points; NEES/n {} to {}",
-            NEES[0], NEES[1]
-        ),
-        met: found
-            .zip(percents)
-            .map(|((_, nees), p)| near(p) && honest(nees)),
-    }
-}
-
-fn least(item: u8, what: &str, worst: Option<(String, Estimate)>) -> Bar {
+pub(super) fn least(item: u8, what: &str, worst: Option<(String, Estimate)>) -> Bar {
     Bar {
         item,
         what: what.to_owned(),
@@ -293,7 +205,8 @@ fn least(item: u8, what: &str, worst: Option<(String, Estimate)>) -> Bar {
                 format!("{} ({name})", shown(e.scaled(100.0), "%"))
             }),
         bar: format!("at least {LEAST} %"),
-        met: worst.map(|(_, e)| 100.0 * e.value >= LEAST),
+        met: worst.as_ref().map(|(_, e)| 100.0 * e.value >= LEAST),
+        firm: worst.map(|(_, e)| firm(e, LEAST)),
     }
 }
 
@@ -323,13 +236,14 @@ fn drives(out: &mut Vec<Bar>, model: &str, windows: &[Window]) {
             format!("{} ({})", shown(e.scaled(100.0), "%"), w.name)
         }),
         bar: "85 to 100 %".to_owned(),
-        met: inside.map(|(_, e)| e.value >= 0.85),
+        met: inside.as_ref().map(|(_, e)| e.value >= 0.85),
+        firm: inside.map(|(_, e)| firm(e, 85.0)),
     });
 }
 
 /// The worst measure of a fault, and whether it was named.
 fn fault_bars(fault: &FaultTables) -> [Bar; 2] {
-    let worst = worst(fault);
+    let worst = honesty::worst(&fault.rows);
     let named = fault.named.estimate();
     let mut inside = least(
         6,
@@ -357,26 +271,9 @@ fn fault_bars(fault: &FaultTables) -> [Bar; 2] {
         }),
         bar: format!("at least {LEAST} %"),
         met: named.map(|e| 100.0 * e.value >= LEAST),
+        firm: named.map(|e| firm(e, LEAST)),
     };
     [inside, named]
-}
-
-/// The measure of a fault's runs with the least coverage at the 95 % level.
-#[must_use]
-pub fn worst(fault: &FaultTables) -> Option<(Measure, When, Estimate)> {
-    let places = honest();
-    fault
-        .rows
-        .iter()
-        .filter(|r| places.contains(&(r.measure, r.when)))
-        .filter_map(|r| {
-            Some((
-                r.measure,
-                r.when,
-                r.figures.coverage.as_ref()?[2].estimate()?,
-            ))
-        })
-        .min_by(|a, b| a.2.value.total_cmp(&b.2.value))
 }
 
 #[cfg(test)]
@@ -402,6 +299,14 @@ mod tests {
         assert_eq!(
             Bar::most(1, "x", None, "m/s", 0.08).verdict(),
             "not measured"
+        );
+        assert_eq!(
+            Bar::most(1, "x", Some(e(0.079)), "m/s", 0.08).verdict_in_words(),
+            "met, not firmly"
+        );
+        assert_eq!(
+            Bar::most(1, "x", Some(e(0.07)), "m/s", 0.08).verdict_in_words(),
+            "met"
         );
         assert_eq!(shown(e(0.05), "m"), "0.050 m (0.045 to 0.055)");
         assert_eq!(shown(e(95.0), "%"), "95.0 % (85.5 to 104.5)");

@@ -10,6 +10,7 @@
 //! What cannot be used is listed with the reason.
 
 use std::collections::BTreeSet;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -25,7 +26,7 @@ use crate::validate::sets::options;
 /// Noise of a fix if none is stated: satellite positioning with carrier phase, one sigma per axis, m.
 const FIX_SD_M: f64 = 0.1;
 /// Largest file of any kind that is read, bytes.
-const LARGEST: u64 = 1 << 30;
+const LARGEST: u64 = 1 << 28;
 /// Largest sidecar, bytes.
 const LARGEST_SIDECAR: u64 = 1 << 20;
 /// Most windows of one recording.
@@ -289,13 +290,21 @@ fn replay(
     if let Some(t) = trigger {
         command.arg("--trigger-at").arg(t.to_string());
     }
-    command.arg(log).stdin(Stdio::null());
-    let ended = command.output().map_err(|e| {
-        format!(
-            "the recorder {}: {e}; see --recorder",
-            plan.recorder.display()
-        )
-    })?;
+    // What it says goes to a file: it may be much.
+    let said = plan.scratch.join("said.txt");
+    let file = std::fs::File::create(&said).map_err(|e| format!("{}: {e}", said.display()))?;
+    let ended = command
+        .arg(log)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(file)
+        .status()
+        .map_err(|e| {
+            format!(
+                "the recorder {}: {e}; see --recorder",
+                plan.recorder.display()
+            )
+        })?;
     let mut paths: Vec<PathBuf> = std::fs::read_dir(&out)
         .map_err(|e| format!("{}: {e}", out.display()))?
         .filter_map(|entry| entry.ok().map(|e| e.path()))
@@ -304,14 +313,24 @@ fn replay(
     paths.sort();
     let records: Vec<Result<Record, String>> = paths.iter().map(|path| read(path)).collect();
     if records.is_empty() {
-        let said = String::from_utf8_lossy(&ended.stderr);
-        let last = said.lines().last().unwrap_or("nothing said").trim();
         return Err(format!(
-            "the recorder sealed no record ({}): {last}",
-            ended.status
+            "the recorder sealed no record ({ended}): {}",
+            last_line(&said)
         ));
     }
     Ok(records)
+}
+
+/// The last line of a file of text, of its first megabyte.
+fn last_line(path: &Path) -> String {
+    let mut bytes = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(LARGEST_SIDECAR).read_to_end(&mut bytes));
+    let text = String::from_utf8_lossy(&bytes);
+    match (read, text.lines().last()) {
+        (Ok(_), Some(line)) => line.trim().to_owned(),
+        _ => "nothing said".to_owned(),
+    }
 }
 
 fn window(

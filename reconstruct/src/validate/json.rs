@@ -2,7 +2,7 @@
 //!
 //! - `format`: `svartboks-validation/1`; `software`; `settings` (classes, seeds, models, fault seeds, folders);
 //! - `definitions`: one sentence a measure, and of the intervals;
-//! - `models`: one entry a model: `model`, `bars` (`item`, `what`, `measured`, `bar`, `verdict`), `found` (by group: `crashes`,
+//! - `models`: one entry a model: `model`, `bars` (`item`, `what`, `measured`, `bar`, `verdict`, `firm`), `found` (by group: `crashes`,
 //!   `scored`, `impacts`, `impacts_found`, `false_impacts`, `rest_found`), `width_over_ideal`, and `rows`: `group` (class, or
 //!   `all`), `measure`, `unit`, `at` (`-30 s` to `0 s`, `impact 1`), `n`, `median`, `p90`, `p95`, `rms`, `bias`, `coverage`
 //!   (`level`, `hits`, `of`, `share`) and `nees_per_degree`;
@@ -14,11 +14,12 @@
 use serde_json::{Value, json};
 
 use crate::report::summary;
-use crate::validate::bars::worst;
-use crate::validate::faults::FaultTables;
+use crate::validate::fault_runs::FaultTables;
 use crate::validate::fixes::{BACK_S, Window};
+use crate::validate::honesty::worst;
+use crate::validate::measure::Measure;
 use crate::validate::statistics::{Estimate, Share};
-use crate::validate::tables::{LEVELS, Measure, Row};
+use crate::validate::tables::{LEVELS, Row};
 use crate::validate::{Found, Validation};
 
 /// Name and version of the format.
@@ -36,7 +37,7 @@ pub fn json(v: &Validation) -> Value {
                 .bars(tables)
                 .into_iter()
                 .map(|b| {
-                    json!({ "item": b.item, "what": b.what, "measured": b.measured, "bar": b.bar, "verdict": b.verdict() })
+                    json!({ "item": b.item, "what": b.what, "measured": b.measured, "bar": b.bar, "verdict": b.verdict(), "firm": b.firm })
                 })
                 .collect();
             json!({
@@ -207,7 +208,7 @@ fn fault(f: &FaultTables) -> Value {
         "fault": f.fault.name(), "about": f.fault.about(), "key_words": f.fault.key_words(), "model": f.model,
         "runs": f.found.scored.of, "scored": f.found.scored.hits, "named": share(f.named),
         "named_without_fault": share(f.named_without),
-        "worst": worst(f).map(|(m, w, e)| json!({ "measure": m.name(), "at": w.name(), "inside_95": estimate(Some(e)) })),
+        "worst": worst(&f.rows).map(|(m, w, e)| json!({ "measure": m.name(), "at": w.name(), "inside_95": estimate(Some(e)) })),
         "rows": f.rows.iter().map(row).collect::<Vec<_>>(),
     })
 }

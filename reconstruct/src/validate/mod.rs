@@ -5,19 +5,22 @@
 //! 1. [`sets`]: classes by seeds, simulated and reconstructed on all cores ([`workers`]).
 //! 2. [`record`]: the record of a simulated crash, packed as the recorder packs it.
 //! 3. [`score`]: one reconstruction against the truth.
-//! 4. [`tables`]: error quantiles, coverage, NEES by class and instant; [`statistics`] gives each figure its own
+//! 4. [`tables`], [`measure`]: error quantiles, coverage, NEES by class and instant; [`statistics`] gives each figure its own
 //!    uncertainty.
-//! 5. [`faults`]: the same with a fault in each crash; [`folder`], [`fixes`]: recordings with truth.
-//! 6. [`bars`]: what must hold, and whether it does.
+//! 5. [`faults`], [`fault_runs`]: the same with a fault in each crash; [`folder`], [`fixes`]: recordings with truth.
+//! 6. [`bars`], [`honesty`]: what must hold, and whether it does.
 //! 7. [`text`]: the screen; [`json`]: `validate.json`; [`page`], [`pictures`]: `validate.html`.
 //!
 //! Same plan, same figures to the last bit, on any number of threads.
 
 pub mod bars;
+pub mod fault_runs;
 pub mod faults;
 pub mod fixes;
 pub mod folder;
+pub mod honesty;
 pub mod json;
+pub mod measure;
 pub mod page;
 mod page_tables;
 pub mod pictures;
@@ -51,6 +54,21 @@ pub struct Found {
     pub false_impacts: usize,
     /// Records whose rest was found.
     pub rest: Share,
+}
+
+impl ModelTables {
+    /// What the figures leave out: impacts that were not found are in none of those of an impact.
+    #[must_use]
+    pub fn left_out(&self) -> Option<String> {
+        let f = self.found.iter().find(|f| f.group == ALL)?;
+        (f.scored.of > 0).then(|| {
+            format!(
+                "Scored {} of {} crashes; rest found in {}; impacts found {} of {} (those not found are in no figure of \
+                 the impact), false ones {}.",
+                f.scored.hits, f.scored.of, f.rest.hits, f.impacts.hits, f.impacts.of, f.false_impacts
+            )
+        })
+    }
 }
 
 /// The tables of one model.
@@ -109,7 +127,7 @@ pub struct Validation {
     /// The simulated set.
     pub set: SetResult,
     /// Faults, by model and fault.
-    pub faults: Vec<faults::FaultTables>,
+    pub faults: Vec<fault_runs::FaultTables>,
     /// Windows of recordings.
     pub windows: Vec<fixes::Window>,
     /// Recordings that could not be used.

@@ -7,32 +7,37 @@ use crate::report::svg::escape;
 use crate::validate::bars::Bar;
 use crate::validate::fixes::Window;
 use crate::validate::json::{GENERAL, definition};
+use crate::validate::measure::{Measure, When};
 use crate::validate::score::BACK_S;
-use crate::validate::tables::{Figures, Measure, When, find};
+use crate::validate::tables::{Figures, find};
 use crate::validate::{ALL, ModelTables, Validation, page_tables as tables, pictures};
 
 const STYLE: &str = include_str!("../report/page.css");
 /// What this page has beyond the report.
 const OWN: &str = "\
 .panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(290px,1fr));gap:10px}
-.four{grid-template-columns:repeat(auto-fit,minmax(245px,1fr))}
+.four{grid-template-columns:repeat(auto-fit,minmax(min(100%,400px),1fr))}
 .numbers td,.numbers th:nth-child(n+2){text-align:right;font-variant-numeric:tabular-nums}
 .numbers td{white-space:nowrap}
 .numbers{font-size:.8rem}
 .numbers th,.numbers td{padding:4px 6px}
 .numbers tr.first th,.numbers tr.first td{border-top:1px solid #6d757e}
 .bars{font-size:.86rem}
+.facts td{overflow-wrap:break-word}
 .bars .group th{font-weight:bold;background:#f2f4f6;padding-top:10px}
-.bars td:last-child{font-weight:bold;white-space:nowrap}
+.bars td:last-child{font-weight:bold}
 .bars .met td:last-child{color:#1d5c38}
 .bars .missed td:last-child{color:#8a0035}
 .bars .missed{background:#fdecf1}
 .bars .open td:last-child{color:#474e57}
 h3{font-size:1.02rem;margin:22px 0 8px;break-after:avoid}
-@media print{.panels,.four{grid-template-columns:1fr 1fr}.numbers{font-size:7.5pt}.bars{font-size:8.5pt}
+@media print{.panels,.four{grid-template-columns:1fr 1fr}.scroll{overflow:visible}.numbers{font-size:7.5pt}.dense{font-size:6.3pt}.bars{font-size:8.5pt}
 .numbers th,.numbers td,.bars th,.bars td{padding:2px 4px}.bars .missed{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .model{break-before:page}}
 ";
+
+/// Seeds by which figures were chosen.
+const TUNED: [u64; 2] = [1, 100];
 
 /// The limits of the method, said before any figure.
 const LIMITS: [&str; 5] = [
@@ -189,6 +194,14 @@ fn tested(v: &Validation) -> String {
         ));
         say("The truth is the simulated motion before any sensor. The reconstruction sees the record alone: 10 ms means, packed as the recorder packs them, from 30 s before the trigger to the end.".to_owned());
     }
+    let used = |first: u64, last: u64| first <= TUNED[1] && last >= TUNED[0];
+    let simulated = !s.classes.is_empty() && used(s.seeds[0], s.seeds[1]);
+    if simulated || s.fault_seeds.is_some_and(|[first, last]| used(first, last)) {
+        say(format!(
+            "Seeds {} to {} were used in tuning and some of them are in this run: its figures flatter.",
+            TUNED[0], TUNED[1]
+        ));
+    }
     if let Some([first, last]) = s.fault_seeds {
         say(format!(
             "{} faults, one at a time, each in {} crashes (seeds {first} to {last}, the crash classes in turn).",
@@ -218,7 +231,8 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
         out,
         &format!("{}: what must hold", t.model),
         &format!(
-            "<p>Verdicts go by the best estimate; the interval says how firmly. The bars are those of the refined model; others are held against the same, so that they can be compared.</p>\n{}",
+            "<p>Verdicts go by the best estimate; \u{201c}not firmly\u{201d} where the interval reaches over the bar. The bars are those of the refined model; others are held against the same, so that they can be compared. {}</p>\n{}",
+            escape(&t.left_out().unwrap_or_default()),
             tables::bars(bars)
         ),
     );
@@ -261,7 +275,7 @@ fn model(out: &mut String, v: &Validation, t: &ModelTables, bars: &[Bar]) {
             out,
             &format!("{}: recordings", t.model),
             &format!(
-                "<p>The path is laid on the fixes 3 to 30 m before its end; the noise of the fixes and the covariance of the laying are added to the ellipse.</p>\n{}",
+                "<p>The path is laid on the fixes 3 to 30 m before its end; the noise of the fixes and the covariance of the laying are added to the ellipse. Reference speeds are taken as exact, though they are not: their shares are the least that can be said.</p>\n{}",
                 tables::windows(&windows)
             ),
         );

@@ -3,12 +3,14 @@
 use std::fmt::Write as _;
 
 use crate::report::svg::escape;
-use crate::validate::bars::{Bar, worst};
-use crate::validate::faults::FaultTables;
+use crate::validate::bars::Bar;
+use crate::validate::fault_runs::FaultTables;
 use crate::validate::fixes::Window;
+use crate::validate::honesty::worst;
+use crate::validate::measure::{Measure, When};
 use crate::validate::score::BACK_S;
 use crate::validate::statistics::{Estimate, Share};
-use crate::validate::tables::{Figures, Measure, When, find};
+use crate::validate::tables::{Figures, find};
 use crate::validate::{Failure, ModelTables};
 
 /// Rows of a list of failures that are shown one by one.
@@ -91,7 +93,7 @@ pub(super) fn bars(list: &[Bar]) -> String {
             escape(&nice(&bar.what)),
             escape(&nice(&bar.measured)),
             escape(&bar.bar),
-            bar.verdict()
+            bar.verdict_in_words()
         );
     }
     out.push_str("</tbody></table></div>\n");
@@ -274,7 +276,7 @@ pub(super) fn faults(list: &[&FaultTables]) -> String {
                     impact(Measure::Longitudinal),
                     impact(Measure::Lateral)
                 ),
-                worst(f).map_or("\u{2013}".to_owned(), |(m, w, e)| {
+                worst(&f.rows).map_or("\u{2013}".to_owned(), |(m, w, e)| {
                     format!("{:.0} ({}, {})", 100.0 * e.value, m.words(), w.name())
                 }),
                 percent(f.named),
@@ -295,7 +297,7 @@ pub(super) fn faults(list: &[&FaultTables]) -> String {
         "Same words without it",
     ]
     .map(nice);
-    table("numbers", &head.each_ref().map(String::as_str), &rows)
+    table("numbers dense", &head.each_ref().map(String::as_str), &rows)
 }
 
 /// Recordings.
@@ -334,7 +336,7 @@ pub(super) fn windows(list: &[&Window]) -> String {
         "Speeds inside, %",
     ]
     .map(nice);
-    table("numbers", &head.each_ref().map(String::as_str), &rows)
+    table("numbers dense", &head.each_ref().map(String::as_str), &rows)
 }
 
 /// What could not be scored.

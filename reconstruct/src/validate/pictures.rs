@@ -5,9 +5,10 @@ use schema::num::real;
 
 use crate::report::axis::{Scale, step_decimals};
 use crate::report::svg::{Anchor, Svg, picture};
+use crate::validate::measure::{Measure, When};
 use crate::validate::score::BACK_S;
 use crate::validate::statistics::Share;
-use crate::validate::tables::{Figures, LEVELS, Measure, When, find};
+use crate::validate::tables::{Figures, LEVELS, find};
 use crate::validate::{ALL, ModelTables};
 
 /// Size of a panel.

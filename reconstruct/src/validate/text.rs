@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
+use crate::validate::measure::{Measure, When};
 use crate::validate::score::BACK_S;
-use crate::validate::tables::{Figures, Measure, When, find};
+use crate::validate::tables::{Figures, find};
 use crate::validate::{ModelTables, SetResult, Validation};
 
 /// Failures named one by one on the screen; the rest are counted.
@@ -24,12 +25,15 @@ pub fn summary(v: &Validation) -> String {
             count(Some(false)),
             count(None)
         );
+        if let Some(text) = tables.left_out() {
+            let _ = writeln!(out, "{text}");
+        }
         for bar in &bars {
             let _ = writeln!(
                 out,
-                "{} {:<12} {}: {}; bar: {}",
+                "{} {:<19} {}: {}; bar: {}",
                 bar.item,
-                bar.verdict(),
+                bar.verdict_in_words(),
                 bar.what,
                 bar.measured,
                 bar.bar
