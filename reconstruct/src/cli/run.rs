@@ -48,7 +48,8 @@ pub(crate) struct Args {
     json: bool,
 }
 
-fn model(text: &str) -> Result<Model, String> {
+/// A model on the command line.
+pub(crate) fn model(text: &str) -> Result<Model, String> {
     match text {
         "nine-state" => Ok(Model::NineState),
         "published" => Ok(Model::Published),
@@ -70,7 +71,8 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     number(text)
 }
 
-fn confidence(text: &str) -> Result<f64, String> {
+/// A confidence on the command line.
+pub(crate) fn confidence(text: &str) -> Result<f64, String> {
     let share = number(text)?;
     if (0.01..=0.9999).contains(&share) {
         Ok(share)
@@ -114,7 +116,8 @@ fn rest_pose(text: &str) -> Result<RestPose, String> {
     })
 }
 
-fn road(text: &str) -> Result<Road, ReconstructError> {
+/// Road limits on the command line.
+pub(crate) fn road(text: &str) -> Result<Road, ReconstructError> {
     match text {
         "h1" => Ok(Road::H1),
         "none" => Ok(Road::None),

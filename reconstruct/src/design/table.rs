@@ -1,0 +1,286 @@
+//! The study on a terminal.
+
+use std::fmt::Write as _;
+
+use super::expect::{Expected, Study};
+use super::slips::{self, Verdict};
+use super::source::{Share, dominant};
+use crate::export::fixed::fixed;
+use crate::report::number::{KMH, percent};
+use crate::run::Road;
+use crate::stats::two_sided_quantile;
+
+/// A group's share may be told for each of these.
+type Quantity = (&'static str, fn(&Share) -> Option<f64>);
+
+/// What the shares are told of.
+pub(super) const QUANTITIES: [Quantity; 4] = [
+    ("position", |s| Some(s.position)),
+    ("heading", |s| Some(s.heading)),
+    ("impact speed", |s| s.impact_speed),
+    ("delta-V", |s| s.delta_v),
+];
+
+/// Decimals so that a length or speed has about three digits.
+pub(super) fn digits(x: f64) -> String {
+    let decimals = match x.abs() {
+        x if x >= 99.95 => 0,
+        x if x >= 9.995 => 1,
+        x if x >= 0.0995 => 2,
+        _ => 3,
+    };
+    fixed(x, decimals)
+}
+
+/// Wheels and road limits, in words.
+pub(super) fn aids(wheels: bool, road: bool) -> &'static str {
+    match (wheels, road) {
+        (true, true) => "wheels, road",
+        (true, false) => "wheels",
+        (false, true) => "road",
+        (false, false) => "neither",
+    }
+}
+
+/// The whole screen.
+#[must_use]
+pub fn screen(study: &Study) -> String {
+    let settings = &study.settings;
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        "Design study: {} ({} m to rest), model {}, {}",
+        study.plan.name,
+        fixed(study.distance_m, 0),
+        settings.model.name(),
+        aids(settings.wheels, settings.road != Road::None),
+    );
+    let zero = if study.has_impact { "impact" } else { "rest" };
+    let bounds = percent(settings.confidence);
+    let _ = writeln!(
+        out,
+        "Expected bounds at {bounds}; t from the {zero}; ellipse: half axes\n"
+    );
+    let _ = writeln!(
+        out,
+        "{:<14}{:>6}  {:>17}  {:>12}  {:>11}",
+        "sensors", "t (s)", "ellipse (m)", "speed (km/h)", "heading (deg)"
+    );
+    for e in &study.expected {
+        rows(&mut out, e, settings.confidence);
+    }
+    if study.has_impact {
+        impacts(&mut out, study);
+    }
+    sources(&mut out, study);
+    aid_table(&mut out, study);
+    warnings(&mut out, study);
+    trials(&mut out, study);
+    slip_table(&mut out);
+    out
+}
+
+/// A name cut to fit its column.
+fn short(name: &str) -> String {
+    name.chars().take(13).collect()
+}
+
+fn rows(out: &mut String, e: &Expected, confidence: f64) {
+    let q = two_sided_quantile(confidence);
+    for (i, r) in e.rows.iter().enumerate() {
+        let name = if i == 0 { short(&e.sheet.name) } else { String::new() };
+        let ellipse = format!(
+            "{} x {}",
+            digits(r.ellipse.semi_major),
+            digits(r.ellipse.semi_minor)
+        );
+        let _ = writeln!(
+            out,
+            "{name:<14}{:>6}  {ellipse:>17}  {:>12}  {:>11}",
+            fixed(r.t_s, 0),
+            format!("+-{}", digits(q * r.sd_speed_mps * KMH)),
+            format!("+-{}", digits(q * r.sd_heading_rad.to_degrees())),
+        );
+    }
+}
+
+fn impacts(out: &mut String, study: &Study) {
+    let q = two_sided_quantile(study.settings.confidence);
+    let _ = writeln!(
+        out,
+        "\n{:<14}{:>20}  {:>21}  {:>13}",
+        "at the impact", "speed (km/h)", "delta-V (km/h)", "PDOF (deg)"
+    );
+    for e in &study.expected {
+        let Some(i) = &e.impact else {
+            let _ = writeln!(out, "{:<14}{:>20}", short(&e.sheet.name), "none found");
+            continue;
+        };
+        let least = if i.lower_bound { "at least " } else { "" };
+        let _ = writeln!(
+            out,
+            "{:<14}{:>20}  {:>21}  {:>13}",
+            short(&e.sheet.name),
+            format!("{} +-{}", fixed(i.speed_mps * KMH, 1), digits(q * i.sd_speed_mps * KMH)),
+            format!(
+                "{least}{} +-{}",
+                fixed(i.delta_v_mps * KMH, 1),
+                digits(q * i.sd_delta_v_mps * KMH)
+            ),
+            format!("+-{}", digits(q * i.sd_pdof_deg)),
+        );
+    }
+}
+
+/// The dominating group of one quantity, in words.
+pub(super) fn dominant_words(e: &Expected, of: fn(&Share) -> Option<f64>) -> String {
+    dominant(&e.shares, of).map_or_else(
+        || "the method".to_owned(),
+        |(source, share)| format!("{} {}", source.name(), percent((share * 100.0).round() / 100.0)),
+    )
+}
+
+fn sources(out: &mut String, study: &Study) {
+    let shown = if study.has_impact { 4 } else { 2 };
+    let _ = write!(out, "\n{:<14}", "what dominates");
+    for (name, _) in &QUANTITIES[..shown] {
+        let _ = write!(out, "  {name:<19}");
+    }
+    out.push('\n');
+    for e in &study.expected {
+        let mut line = format!("{:<14}", short(&e.sheet.name));
+        for (_, of) in &QUANTITIES[..shown] {
+            let _ = write!(line, "  {:<19}", dominant_words(e, *of));
+        }
+        let _ = writeln!(out, "{}", line.trim_end());
+    }
+    let _ = writeln!(
+        out,
+        "(share of the variance that goes if that part were without error; \"the method\": no part\n has a tenth)"
+    );
+}
+
+fn aid_table(out: &mut String, study: &Study) {
+    let Some(first) = study.expected.first() else {
+        return;
+    };
+    let _ = write!(out, "\n{:<14}", "half axis (m)");
+    for aid in &first.aids {
+        let _ = write!(out, "{:>14}", aids(aid.wheels, aid.road));
+    }
+    let t = first.rows.first().map_or(0.0, |r| r.t_s);
+    let _ = writeln!(out, "   at {} s", fixed(t, 0));
+    for e in &study.expected {
+        let _ = write!(out, "{:<14}", short(&e.sheet.name));
+        for aid in &e.aids {
+            let _ = write!(out, "{:>14}", digits(aid.semi_major_m));
+        }
+        out.push('\n');
+    }
+}
+
+/// What spoils a prediction, one sentence a sheet.
+#[must_use]
+pub fn caveats(study: &Study) -> Vec<String> {
+    let mut list = Vec::new();
+    for e in &study.expected {
+        let name = &e.sheet.name;
+        if e.clipped_samples > 0 {
+            list.push(format!(
+                "{name}: a sensor stands at its limit in {} samples of this manoeuvre; delta-V is a lower bound \
+                 and the speed before the impact may be off by more than shown.",
+                e.clipped_samples
+            ));
+        }
+        let outside: Vec<String> = e
+            .rows
+            .iter()
+            .filter(|r| !r.inside)
+            .map(|r| format!("{} s ({} m)", fixed(r.t_s, 0), digits(r.off_m)))
+            .collect();
+        if !outside.is_empty() {
+            list.push(format!(
+                "{name}: even without any sensor error the result lies outside its own ellipse at {}: what is \
+                 left there is the method's (wheel slip, road, time steps), not the sensor's.",
+                outside.join(", ")
+            ));
+        }
+        if study.has_impact && e.impact.is_none() {
+            list.push(format!("{name}: the impact of this manoeuvre is not found."));
+        }
+    }
+    list
+}
+
+fn warnings(out: &mut String, study: &Study) {
+    for sentence in caveats(study) {
+        let _ = writeln!(out, "\nNote. {sentence}");
+    }
+}
+
+fn trials(out: &mut String, study: &Study) {
+    use super::trial::share_within;
+    let confidence = study.settings.confidence;
+    let q = two_sided_quantile(confidence);
+    for trial in &study.trials {
+        let _ = writeln!(
+            out,
+            "\n{}: {} sets of sensors drawn from the sheet, share within the predicted bounds",
+            trial.name, trial.sets
+        );
+        let _ = writeln!(
+            out,
+            "{:>20}  {:>8}  {:>8}  {:>8}  {:>14}",
+            "t (s)", "position", "speed", "heading", "ellipse factor"
+        );
+        for row in &trial.rows {
+            let [position, speed, heading] = row.coverage(confidence);
+            let _ = writeln!(
+                out,
+                "{:>20}  {:>8}  {:>8}  {:>8}  {:>14}",
+                fixed(row.t_s, 0),
+                fixed(position, 2),
+                fixed(speed, 2),
+                fixed(heading, 2),
+                fixed(row.spread(confidence), 2)
+            );
+        }
+        if !trial.impact_speed.is_empty() {
+            let _ = writeln!(
+                out,
+                "impact speed {}, delta-V {}",
+                fixed(share_within(&trial.impact_speed, q), 2),
+                fixed(share_within(&trial.delta_v, q), 2)
+            );
+        }
+    }
+}
+
+fn slip_table(out: &mut String) {
+    out.push_str("\nThe figures of S03, computed again (the reasons are in design.html and design.json)\n");
+    for f in slips::figures() {
+        let found = match (f.source, f.verdict) {
+            (None, _) => "none given".to_owned(),
+            (Some(x), Verdict::Slip) => format!("{} {} is a slip", trimmed(x), f.unit),
+            (Some(x), _) => format!("{} {} agrees", trimmed(x), f.unit),
+        };
+        let _ = writeln!(
+            out,
+            "{:<6}{}\n      {} {}; the source: {found}",
+            f.section,
+            f.what,
+            fixed(f.correct, f.decimals),
+            f.unit
+        );
+    }
+}
+
+/// A figure as the source prints it.
+pub(super) fn trimmed(x: f64) -> String {
+    let text = fixed(x, 2);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
