@@ -28,7 +28,12 @@ const MOST_TRIALS: u64 = 10_000;
 )]
 pub(crate) struct Args {
     /// Manoeuvre: a class of `reconstruct simulate` (frontal, oblique, side, rear, ...)
-    #[arg(long, default_value = "frontal", value_name = "CLASS", conflicts_with = "manoeuvre")]
+    #[arg(
+        long,
+        default_value = "frontal",
+        value_name = "CLASS",
+        conflicts_with = "manoeuvre"
+    )]
     class: String,
     /// Seed of the manoeuvre, or of what its file leaves to chance
     #[arg(long, default_value_t = 1, value_name = "N")]
@@ -106,7 +111,13 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
                 expected.sheet.name, args.trials
             ),
         );
-        let tried = trial(&study.plan, expected, &study.settings, TRIAL_SEED, args.trials)?;
+        let tried = trial(
+            &study.plan,
+            expected,
+            &study.settings,
+            TRIAL_SEED,
+            args.trials,
+        )?;
         study.trials.push(tried);
     }
     let mut value = json::study(&study);

@@ -69,7 +69,10 @@ pub(super) fn logarithmic(
         to: area.x + area.w,
     };
     // A third of a decade of room, at least one decade.
-    let (bottom, top) = (low.log10() - 0.08, (high.log10() + 0.08).max(low.log10() + 1.0));
+    let (bottom, top) = (
+        low.log10() - 0.08,
+        (high.log10() + 0.08).max(low.log10() + 1.0),
+    );
     let value = Scale {
         low: bottom,
         high: top,

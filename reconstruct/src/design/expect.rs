@@ -6,6 +6,7 @@ use schema::parts::{Clip, Completion};
 use schema::{Sample, num};
 
 use super::manoeuvre::Plan;
+use super::parallel;
 use super::sheet::DataSheet;
 use super::source::{self, Share};
 use super::{DesignError, Settings, TIMES_S};
@@ -61,6 +62,10 @@ pub struct Impact {
     pub sd_pdof_deg: f64,
     /// A sensor stood at its limit: delta-V is a lower bound.
     pub lower_bound: bool,
+    /// Speed less the truth with faultless sensors, m/s.
+    pub off_speed_mps: f64,
+    /// Delta-V less the truth with faultless sensors, m/s: where the pulse begins and ends is the method's doubt.
+    pub off_delta_v_mps: f64,
 }
 
 /// What one data sheet gives.
@@ -97,6 +102,17 @@ pub struct Aid {
     pub sd_impact_speed_mps: Option<f64>,
 }
 
+impl Impact {
+    /// With faultless sensors the figure lies outside its own bounds, `quantile` sigmas away: speed, delta-V.
+    #[must_use]
+    pub fn outside(&self, quantile: f64) -> [bool; 2] {
+        [
+            self.off_speed_mps.abs() > quantile * self.sd_speed_mps,
+            self.off_delta_v_mps.abs() > quantile * self.sd_delta_v_mps,
+        ]
+    }
+}
+
 /// A whole study.
 #[derive(Clone, Debug)]
 pub struct Study {
@@ -123,24 +139,22 @@ pub struct Study {
 pub fn study(plan: Plan, sheets: &[DataSheet], settings: Settings) -> Result<Study, DesignError> {
     let mut plan = plan;
     plan.scenario.imu_hz = IMU_HZ;
-    let mut expected = Vec::new();
-    let mut zero_s = 0.0;
-    let mut has_impact = false;
-    let mut distance_m = 0.0;
-    for sheet in sheets {
+    let driven = parallel::map(sheets, |sheet| {
         let drive = Drive::faultless(&plan.scenario, sheet)?;
-        zero_s = drive.simulated.truth.facts.trigger_at_s;
-        has_impact = !drive.simulated.truth.facts.impacts.is_empty();
-        let one = expect(&drive, sheet, &settings)?;
-        distance_m = one
-            .states
+        let facts = &drive.simulated.truth.facts;
+        let about = (facts.trigger_at_s, !facts.impacts.is_empty());
+        Ok::<_, DesignError>((expect(&drive, sheet, &settings)?, about))
+    })?;
+    let (zero_s, has_impact) = driven.first().map_or((0.0, false), |(_, about)| *about);
+    let expected: Vec<Expected> = driven.into_iter().map(|(one, _)| one).collect();
+    let distance_m = expected.first().map_or(0.0, |one| {
+        one.states
             .windows(2)
             .map(|p| {
                 (p[1].position[0] - p[0].position[0]).hypot(p[1].position[1] - p[0].position[1])
             })
-            .sum();
-        expected.push(one);
-    }
+            .sum()
+    });
     Ok(Study {
         plan,
         settings,
@@ -152,11 +166,7 @@ pub fn study(plan: Plan, sheets: &[DataSheet], settings: Settings) -> Result<Stu
     })
 }
 
-fn expect(
-    drive: &Drive,
-    sheet: &DataSheet,
-    settings: &Settings,
-) -> Result<Expected, DesignError> {
+fn expect(drive: &Drive, sheet: &DataSheet, settings: &Settings) -> Result<Expected, DesignError> {
     let result = drive.reconstruct(sheet, settings)?;
     let mut aids = Vec::new();
     let road = match &settings.road {
@@ -187,23 +197,11 @@ fn expect(
     Ok(Expected {
         sheet: sheet.clone(),
         rows: drive.rows(&result, settings.confidence),
-        impact: impact(&result),
+        impact: drive.impact(&result),
         clipped_samples: result.clipped_samples,
         shares: source::shares(drive, sheet, settings, &result)?,
         aids,
         states: result.states,
-    })
-}
-
-fn impact(result: &Reconstruction) -> Option<Impact> {
-    let first = result.impacts.first()?;
-    Some(Impact {
-        speed_mps: first.speed_mps.value,
-        sd_speed_mps: first.speed_mps.sd,
-        delta_v_mps: first.delta_v.resultant_mps.value,
-        sd_delta_v_mps: first.delta_v.resultant_mps.sd,
-        sd_pdof_deg: first.delta_v.pdof_deg.sd,
-        lower_bound: first.delta_v.lower_bound,
     })
 }
 
@@ -247,14 +245,15 @@ impl Drive {
 
     fn of(scenario: &Scenario) -> Result<Self, DesignError> {
         let simulated = simulate(scenario)?;
-        let from = round_usize((simulated.truth.facts.trigger_at_s - BEFORE_S).max(0.01) * 100.0);
+        let first = (simulated.truth.facts.trigger_at_s - BEFORE_S) * 100.0;
+        let from = round_usize(first.floor().max(1.0));
         let samples = simulated.samples();
         let clips = clips(&simulated.imu, scenario, from);
         Ok(Self {
+            simulated,
             samples,
             clips,
             from,
-            simulated,
         })
     }
 
@@ -309,6 +308,22 @@ impl Drive {
         Ok(from_epochs(&epochs, &facts, &options)?)
     }
 
+    /// The first impact: found by the reconstruction and true.
+    fn impact(&self, result: &Reconstruction) -> Option<Impact> {
+        let first = result.impacts.first()?;
+        let truth = self.simulated.truth.facts.impacts.first()?;
+        Some(Impact {
+            speed_mps: first.speed_mps.value,
+            sd_speed_mps: first.speed_mps.sd,
+            delta_v_mps: first.delta_v.resultant_mps.value,
+            sd_delta_v_mps: first.delta_v.resultant_mps.sd,
+            sd_pdof_deg: first.delta_v.pdof_deg.sd,
+            lower_bound: first.delta_v.lower_bound,
+            off_speed_mps: first.speed_mps.value - truth.speed_mps,
+            off_delta_v_mps: first.delta_v.resultant_mps.value - truth.cg.resultant_mps,
+        })
+    }
+
     /// The truth that belongs to a state.
     pub(super) fn truth(&self, state: &State) -> Option<&TruthRow> {
         let truth: &Truth = &self.simulated.truth;
@@ -355,8 +370,6 @@ pub(super) fn state_at(states: &[State], t_s: f64) -> Option<&State> {
     states
         .get(after.checked_sub(1)?)
         .filter(|s| t_s - s.t_s < NEAR_S)
-        // A record that begins at the time itself ends its first sample just after it.
-        .or_else(|| states.first().filter(|s| (s.t_s - t_s).abs() < NEAR_S))
 }
 
 /// Covariance of north and east, m^2.
@@ -379,8 +392,9 @@ pub(super) fn off(state: &State, truth: &TruthRow) -> Vector2<f64> {
 
 /// Distance in sigmas; infinite where the covariance has no inverse.
 pub(super) fn distance(p: &Matrix2<f64>, off: &Vector2<f64>) -> f64 {
-    p.try_inverse()
-        .map_or(f64::INFINITY, |inverse| off.dot(&(inverse * off)).max(0.0).sqrt())
+    p.try_inverse().map_or(f64::INFINITY, |inverse| {
+        off.dot(&(inverse * off)).max(0.0).sqrt()
+    })
 }
 
 /// The clipping part of the record: frames at their sensor's range, by bin and axis.

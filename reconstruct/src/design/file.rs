@@ -98,11 +98,7 @@ impl Place<'_> {
         most: usize,
     ) -> Result<(), DesignError> {
         if times.len() > most {
-            return Err(self.wrong(
-                key,
-                &format!("at most {most}"),
-                &times.len().to_string(),
-            ));
+            return Err(self.wrong(key, &format!("at most {most}"), &times.len().to_string()));
         }
         let mut before = f64::NEG_INFINITY;
         for (i, t) in times.enumerate() {

@@ -118,6 +118,11 @@ fn impact(i: &Impact, confidence: f64) -> Value {
         "half_width_delta_v_mps": number(q * i.sd_delta_v_mps),
         "sd_pdof_deg": number(i.sd_pdof_deg),
         "lower_bound": i.lower_bound,
+        "faultless": {
+            "off_speed_mps": number(i.off_speed_mps),
+            "off_delta_v_mps": number(i.off_delta_v_mps),
+            "outside": i.outside(q).contains(&true),
+        },
     })
 }
 

@@ -155,17 +155,20 @@ impl Default for SlideTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct CarTable {
-    track_width_m: f64,
-    imu_position_m: [f64; 3],
-    cg_position_m: [f64; 3],
+    #[serde(rename = "track_width_m")]
+    track_width: f64,
+    #[serde(rename = "imu_position_m")]
+    imu: [f64; 3],
+    #[serde(rename = "cg_position_m")]
+    cg: [f64; 3],
 }
 
 impl Default for CarTable {
     fn default() -> Self {
         Self {
-            track_width_m: 1.5,
-            imu_position_m: [1.5, 0.1, -0.4],
-            cg_position_m: [1.2, 0.0, -0.55],
+            track_width: 1.5,
+            imu: [1.5, 0.1, -0.4],
+            cg: [1.2, 0.0, -0.55],
         }
     }
 }
@@ -389,20 +392,17 @@ fn slide(s: &SlideTable, at: &Place<'_>) -> Result<Slide, DesignError> {
 }
 
 fn car(c: &CarTable, at: &Place<'_>) -> Result<Car, DesignError> {
-    for (key, place) in [
-        ("car.imu_position_m", c.imu_position_m),
-        ("car.cg_position_m", c.cg_position_m),
-    ] {
+    for (key, place) in [("car.imu_position_m", c.imu), ("car.cg_position_m", c.cg)] {
         for (axis, x) in place.iter().enumerate() {
             at.within(&format!("{key}[{axis}]"), *x, -10.0, 10.0)?;
         }
     }
     Ok(Car {
-        track_width: at.within("car.track_width_m", c.track_width_m, 0.8, 3.0)?,
-        imu_nominal: c.imu_position_m,
-        imu: c.imu_position_m,
-        cg_nominal: c.cg_position_m,
-        cg: c.cg_position_m,
+        track_width: at.within("car.track_width_m", c.track_width, 0.8, 3.0)?,
+        imu_nominal: c.imu,
+        imu: c.imu,
+        cg_nominal: c.cg,
+        cg: c.cg,
         roll_per_lateral: 0.45_f64.to_radians(),
         pitch_per_longitudinal: 0.22_f64.to_radians(),
         spring_hz: 1.5,
@@ -461,7 +461,10 @@ mod tests {
         ];
         for (text, expected) in cases {
             let found = Plan::parse(text, "m.toml", "x", 1).unwrap_err().to_string();
-            assert!(found.starts_with("m.toml: ") && found.contains(expected), "{found}");
+            assert!(
+                found.starts_with("m.toml: ") && found.contains(expected),
+                "{found}"
+            );
         }
     }
 }

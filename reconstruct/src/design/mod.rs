@@ -12,13 +12,14 @@
 //! 5. [`slips`]: the figures of S03's own error analysis, computed again.
 //! 6. [`json`], [`table`], [`picture`], [`page`]: what a person and a program get.
 
-pub mod expect;
 mod chart;
+pub mod expect;
 mod file;
 pub mod grades;
 pub mod json;
 pub mod manoeuvre;
 pub mod page;
+mod parallel;
 pub mod picture;
 pub mod sheet;
 pub mod slips;
@@ -49,7 +50,9 @@ pub enum DesignError {
         what: String,
     },
     /// No such grade.
-    #[error("grade: no grade `{0}`, expected navigation, tactical, industrial, consumer or automotive")]
+    #[error(
+        "grade: no grade `{0}`, expected navigation, tactical, industrial, consumer or automotive"
+    )]
     UnknownGrade(String),
     /// The manoeuvre.
     #[error(transparent)]

@@ -20,6 +20,8 @@ const STYLE: &str = include_str!("../report/page.css");
 /// What the report's style has no use for.
 const MORE: &str = ".trio{display:grid;grid-template-columns:repeat(auto-fit,minmax(300px,1fr));gap:8px}\n\
     .figures td:nth-of-type(1){font-weight:normal}\n\
+    .figures th{white-space:nowrap}.one td:nth-of-type(-n+1),.two td:nth-of-type(-n+2){text-align:left}\n\
+    .one th:nth-child(2),.two th:nth-child(2),.two th:nth-child(3){text-align:left!important}\n\
     .swatch{display:inline-block;width:14px;height:14px;margin-right:6px;vertical-align:-2px}\n\
     .slip td{color:#8a0035;font-weight:bold}.slip td:last-child{color:inherit;font-weight:normal}\n\
     .why td:last-child{min-width:300px}\n\
@@ -52,12 +54,24 @@ pub fn html(study: &Study, picture: &Picture) -> String {
         section(&mut out, "At the impact", &impacts(study));
     }
     section(&mut out, "What dominates", &sources(study));
-    section(&mut out, "With and without wheels and road limits", &aids(study));
+    section(
+        &mut out,
+        "With and without wheels and road limits",
+        &aids(study),
+    );
     if !study.trials.is_empty() {
-        section(&mut out, "The prediction against drawn sensors", &trials(study));
+        section(
+            &mut out,
+            "The prediction against drawn sensors",
+            &trials(study),
+        );
     }
     section(&mut out, "The data sheets", &sheets(study));
-    section(&mut out, "The figures of the source, computed again", &figures());
+    section(
+        &mut out,
+        "The figures of the source, computed again",
+        &figures(),
+    );
     section(&mut out, "Method", &method(study));
     let _ = write!(
         out,
@@ -76,10 +90,7 @@ fn zero(study: &Study) -> &'static str {
 }
 
 fn aids_sentence(study: &Study) -> &'static str {
-    match (
-        study.settings.wheels,
-        study.settings.road != Road::None,
-    ) {
+    match (study.settings.wheels, study.settings.road != Road::None) {
         (true, true) => "wheel speeds and road limits",
         (true, false) => "wheel speeds, no road limits",
         (false, true) => "no wheel speeds, road limits",
@@ -90,7 +101,9 @@ fn aids_sentence(study: &Study) -> &'static str {
 fn intro(study: &Study) -> String {
     let mut out = String::from("<dl class=\"key\">\n");
     for e in study.expected.iter().take(6) {
-        let Some(first) = e.rows.first() else { continue };
+        let Some(first) = e.rows.first() else {
+            continue;
+        };
         let q = two_sided_quantile(study.settings.confidence);
         let small = e.impact.as_ref().map_or_else(
             || format!("half axis at {} s", minus(&fixed(first.t_s, 0))),
@@ -126,9 +139,8 @@ fn caveats(study: &Study) -> String {
     if list.is_empty() {
         return String::new();
     }
-    let mut out = String::from(
-        "<section class=\"limits\">\n<h2>What limits this prediction</h2>\n<ul>\n",
-    );
+    let mut out =
+        String::from("<section class=\"limits\">\n<h2>What limits this prediction</h2>\n<ul>\n");
     for sentence in list {
         let _ = writeln!(out, "<li>{}</li>", escape(&sentence));
     }
@@ -236,7 +248,11 @@ fn impacts(study: &Study) -> String {
         let cells = match &e.impact {
             None => vec!["not found".to_owned()],
             Some(i) => vec![
-                format!("{} \u{b1}{}", fixed(i.speed_mps * KMH, 1), digits(q * i.sd_speed_mps * KMH)),
+                format!(
+                    "{} \u{b1}{}",
+                    fixed(i.speed_mps * KMH, 1),
+                    digits(q * i.sd_speed_mps * KMH)
+                ),
                 digits(i.sd_speed_mps),
                 format!(
                     "{}{} \u{b1}{}",
@@ -251,18 +267,22 @@ fn impacts(study: &Study) -> String {
         };
         marked_row(&mut rows, &name_cell(study, e), &cells);
     }
-    framed(
+    let out = framed(
         "figures",
         &[
             "sensors",
             "speed (km/h)",
             "sd (m/s)",
-            "delta\u{2011}V at the centre of gravity (km/h)",
+            "delta\u{2011}V (km/h)",
             "sd (m/s)",
             "direction of force (\u{b0})",
-            "samples at a sensor's limit",
+            "samples at limit",
         ],
         &rows,
+    );
+    format!(
+        "{out}<p>Delta\u{2011}V at the centre of gravity; the direction of force from straight ahead; the last column \
+         counts samples in which a sensor stood at its range.</p>\n"
     )
 }
 
@@ -295,7 +315,7 @@ fn sources(study: &Study) -> String {
          sensor better makes more of the others, and a filter that only considers a bias, without estimating it, \
          can even lose. \u{201c}The method\u{201d}: no part has a tenth; what is left is side\u{2011}slip, wheel \
          slip, road and the springs.</p>\n",
-        framed("figures", &head, &rows)
+        framed("figures two", &head, &rows)
     )
 }
 
@@ -328,7 +348,7 @@ fn aids(study: &Study) -> String {
         .map_or(0.0, |r| r.t_s);
     let half = format!("half axis at {} s (m)", minus(&fixed(first, 0)));
     framed(
-        "figures",
+        "figures one",
         &[
             "sensors",
             "aids",
@@ -419,11 +439,15 @@ fn sheets(study: &Study) -> String {
     line("accelerometer noise (\u{b5}g/\u{221a}Hz)", &|s| {
         significant(s.imu.accel_density / g * 1e6)
     });
-    line("accelerometer bias (mg)", &|s| significant(s.imu.accel_bias / g * 1e3));
+    line("accelerometer bias (mg)", &|s| {
+        significant(s.imu.accel_bias / g * 1e3)
+    });
     line("its shift at an impact (mg)", &|s| {
         significant(s.imu.accel_bias_jump / g * 1e3)
     });
-    line("accelerometer scale (%)", &|s| significant(s.imu.accel_scale * 100.0));
+    line("accelerometer scale (%)", &|s| {
+        significant(s.imu.accel_scale * 100.0)
+    });
     line("accelerometer range (g)", &|s| {
         s.imu
             .accel_range
@@ -444,7 +468,9 @@ fn sheets(study: &Study) -> String {
             .rate_range
             .map_or_else(|| "none".to_owned(), |r| significant(r.to_degrees()))
     });
-    line("mounting (\u{b0})", &|s| significant(s.imu.mounting_sd[2].to_degrees()));
+    line("mounting (\u{b0})", &|s| {
+        significant(s.imu.mounting_sd[2].to_degrees())
+    });
     line("place of the box (m)", &|s| significant(s.imu_place_sd[0]));
     line("vibration (m/s\u{b2}, \u{b0}/s)", &|s| {
         format!(
@@ -464,7 +490,11 @@ fn sheets(study: &Study) -> String {
     head.extend(study.expected.iter().map(|e| e.sheet.name.as_str()));
     let mut out = framed("figures", &head, &rows);
     out.push_str("<ul>\n");
-    for e in study.expected.iter().filter(|e| !e.sheet.typical_of.is_empty()) {
+    for e in study
+        .expected
+        .iter()
+        .filter(|e| !e.sheet.typical_of.is_empty())
+    {
         let _ = writeln!(
             out,
             "<li>{}: {}.</li>",
@@ -495,7 +525,7 @@ fn figures() -> String {
     for f in slips::figures() {
         let source = f
             .source
-            .map_or_else(|| "none".to_owned(), |x| format!("{} {}", table::trimmed(x), f.unit));
+            .map_or_else(|| "none".to_owned(), |x| table::source_figure(x, f.unit));
         let class = if f.verdict == Verdict::Slip {
             " class=\"slip\""
         } else {
@@ -505,10 +535,11 @@ fn figures() -> String {
         for cell in [
             f.what.to_owned(),
             source,
-            format!("{} {}", fixed(f.correct, f.decimals), f.unit),
+            table::figure(f.correct, f.decimals, f.unit),
             f.verdict.name().to_owned(),
             f.why,
         ] {
+            let cell = cell.replace("^2", "\u{b2}").replace("sqrt(", "\u{221a}(");
             let _ = write!(rows, "<td>{}</td>", escape(&cell));
         }
         rows.push_str("</tr>\n");

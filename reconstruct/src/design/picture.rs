@@ -302,9 +302,7 @@ fn plan(study: &Study) -> String {
         14.0,
         Anchor::Start,
         "fill=\"#333\"",
-        &format!(
-            "up: the car's forward axis at rest; origin: rest; dots: seconds from the {zero}"
-        ),
+        &format!("up: the car's forward axis at rest; origin: rest; dots: seconds from the {zero}"),
     );
     svg.into_body()
 }
@@ -395,7 +393,10 @@ fn instant(svg: &mut Svg, study: &Study, t_s: f64, area: Area) {
             azimuth: row.ellipse.azimuth - course,
             ..row.ellipse
         };
-        rings.push((i, turned.points(72).into_iter().map(|[n, e]| [e, n]).collect()));
+        rings.push((
+            i,
+            turned.points(72).into_iter().map(|[n, e]| [e, n]).collect(),
+        ));
     }
     let points: Vec<[f64; 2]> = rings.iter().flat_map(|(_, ring)| ring.clone()).collect();
     let [x, y] = axes(svg, area, &points, 13.0);
@@ -439,12 +440,7 @@ fn charts(study: &Study) -> [String; 3] {
             .collect()
     };
     let panel = |title: String, curves: Vec<Curve>| {
-        chart::logarithmic(
-            CHART,
-            &title,
-            &format!("seconds from the {zero}"),
-            &curves,
-        )
+        chart::logarithmic(CHART, &title, &format!("seconds from the {zero}"), &curves)
     };
     [
         panel(

@@ -14,6 +14,10 @@ use crate::simulate::Sheet;
 /// Least figure of a quantity that has no error at all: a filter needs a number above zero.
 const LEAST: f64 = 1e-6;
 
+/// The simulator's vibration grows with speed, to this multiple of its figure at 30 m/s; the sheet's figure is the
+/// most that the driving car has.
+const VIBRATION_GROWTH: f64 = 1.2;
+
 /// What a maker states of an IMU, and what is known of the wheels it works with. SI and radians, one sigma.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataSheet {
@@ -167,8 +171,8 @@ impl DataSheet {
             rate_bias_jump: imu.rate_bias_jump,
             accel_scale: imu.accel_scale,
             rate_scale: imu.rate_scale,
-            accel_vibration: imu.accel_vibration,
-            rate_vibration: imu.rate_vibration,
+            accel_vibration: imu.accel_vibration / VIBRATION_GROWTH,
+            rate_vibration: imu.rate_vibration / VIBRATION_GROWTH,
             accel_second: 0.0,
             rate_second: 0.0,
             asymmetry: 0.0,

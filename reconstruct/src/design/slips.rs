@@ -136,7 +136,7 @@ fn accelerometer() -> Vec<Figure> {
             unit: "m",
             decimals: 2,
             verdict: Verdict::NotGiven,
-            why: "The density is quoted for the ADXL103, whose data sheet says 110; twice integrated it grows \
+            why: "The density is quoted for the ADXL103, whose data sheet (revision C) says 110; twice integrated it grows \
                   with the time to the power 3/2."
                 .to_owned(),
         },
@@ -174,8 +174,7 @@ fn coriolis() -> Vec<Figure> {
             unit: "cm/s^2",
             decimals: 3,
             verdict: Verdict::Agrees,
-            why: "Within one in the last digit (0.94)."
-                .to_owned(),
+            why: "Within one in the last digit (0.94).".to_owned(),
         },
         Figure {
             section: "3.3.1",
@@ -200,9 +199,8 @@ fn coriolis() -> Vec<Figure> {
             decimals: 3,
             verdict: Verdict::NotGiven,
             why: format!(
-                "The bound is one on a matrix norm and {:.1} times what a car can feel sideways; most of the \
-                 rest would be vertical. At {LATITUDE_DEG} degrees north, transport rate included, it is {:.3} \
-                 cm/s^2.",
+                "Reached at the pole; it is what moves the path in plan. The bound, made for a matrix, is {:.1} \
+                 times as large. At {LATITUDE_DEG} degrees north, transport rate included, it is {:.3} cm/s^2.",
                 bound / horizontal,
                 there * 100.0
             ),
@@ -267,7 +265,11 @@ mod tests {
     use super::{Verdict, coriolis_bound, fallen, figures};
 
     fn correct(what: &str) -> f64 {
-        figures().iter().find(|f| f.what.contains(what)).unwrap().correct
+        figures()
+            .iter()
+            .find(|f| f.what.contains(what))
+            .unwrap()
+            .correct
     }
 
     #[test]

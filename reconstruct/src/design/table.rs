@@ -6,9 +6,12 @@ use super::expect::{Expected, Study};
 use super::slips::{self, Verdict};
 use super::source::{Share, dominant};
 use crate::export::fixed::fixed;
-use crate::report::number::{KMH, percent};
+use crate::report::number::{KMH, count, percent};
 use crate::run::Road;
 use crate::stats::two_sided_quantile;
+
+/// An aid that widens the funnel by more than this is told of.
+const HARM: f64 = 1.1;
 
 /// A group's share may be told for each of these.
 type Quantity = (&'static str, fn(&Share) -> Option<f64>);
@@ -88,7 +91,11 @@ fn short(name: &str) -> String {
 fn rows(out: &mut String, e: &Expected, confidence: f64) {
     let q = two_sided_quantile(confidence);
     for (i, r) in e.rows.iter().enumerate() {
-        let name = if i == 0 { short(&e.sheet.name) } else { String::new() };
+        let name = if i == 0 {
+            short(&e.sheet.name)
+        } else {
+            String::new()
+        };
         let ellipse = format!(
             "{} x {}",
             digits(r.ellipse.semi_major),
@@ -121,7 +128,11 @@ fn impacts(out: &mut String, study: &Study) {
             out,
             "{:<14}{:>20}  {:>21}  {:>13}",
             short(&e.sheet.name),
-            format!("{} +-{}", fixed(i.speed_mps * KMH, 1), digits(q * i.sd_speed_mps * KMH)),
+            format!(
+                "{} +-{}",
+                fixed(i.speed_mps * KMH, 1),
+                digits(q * i.sd_speed_mps * KMH)
+            ),
             format!(
                 "{least}{} +-{}",
                 fixed(i.delta_v_mps * KMH, 1),
@@ -134,10 +145,11 @@ fn impacts(out: &mut String, study: &Study) {
 
 /// The dominating group of one quantity, in words.
 pub(super) fn dominant_words(e: &Expected, of: fn(&Share) -> Option<f64>) -> String {
-    dominant(&e.shares, of).map_or_else(
-        || "the method".to_owned(),
-        |(source, share)| format!("{} {}", source.name(), percent((share * 100.0).round() / 100.0)),
-    )
+    match dominant(&e.shares, of) {
+        Some((source, share)) => format!("{} {} %", source.name(), fixed(share * 100.0, 0)),
+        None if e.clipped_samples > 0 => "clipping or method".to_owned(),
+        None => "the method".to_owned(),
+    }
 }
 
 fn sources(out: &mut String, study: &Study) {
@@ -187,9 +199,12 @@ pub fn caveats(study: &Study) -> Vec<String> {
         let name = &e.sheet.name;
         if e.clipped_samples > 0 {
             list.push(format!(
-                "{name}: a sensor stands at its limit in {} samples of this manoeuvre; delta-V is a lower bound \
+                "{name}: a sensor stands at its limit in {} of this manoeuvre; delta-V is a lower bound \
                  and the speed before the impact may be off by more than shown.",
-                e.clipped_samples
+                match e.clipped_samples {
+                    1 => "one sample".to_owned(),
+                    n => format!("{n} samples"),
+                }
             ));
         }
         let outside: Vec<String> = e
@@ -205,8 +220,39 @@ pub fn caveats(study: &Study) -> Vec<String> {
                 outside.join(", ")
             ));
         }
+        for wheels in [true, false] {
+            let aid = |road: bool| e.aids.iter().find(|a| (a.wheels, a.road) == (wheels, road));
+            if let Some((with, without)) = aid(true).zip(aid(false))
+                && with.semi_major_m > HARM * without.semi_major_m
+            {
+                list.push(format!(
+                    "{name}: {} wheel speeds the road limits widen the first ellipse, from {} to {} m: this filter \
+                     considers the accelerometers' bias and does not estimate it, and can lose by a measurement.",
+                    if wheels { "with" } else { "without" },
+                    digits(without.semi_major_m),
+                    digits(with.semi_major_m),
+                ));
+            }
+        }
+        if let Some(i) = &e.impact {
+            let outside = i.outside(two_sided_quantile(study.settings.confidence));
+            for (bad, what, off) in [
+                (outside[0], "the speed at impact", i.off_speed_mps),
+                (outside[1], "delta-V", i.off_delta_v_mps),
+            ] {
+                if bad {
+                    list.push(format!(
+                        "{name}: even without any sensor error {what} is {} km/h off, outside its own bounds: \
+                         where this pulse begins and ends is the method's doubt.",
+                        digits(off.abs() * KMH)
+                    ));
+                }
+            }
+        }
         if study.has_impact && e.impact.is_none() {
-            list.push(format!("{name}: the impact of this manoeuvre is not found."));
+            list.push(format!(
+                "{name}: the impact of this manoeuvre is not found."
+            ));
         }
     }
     list
@@ -257,30 +303,42 @@ fn trials(out: &mut String, study: &Study) {
 }
 
 fn slip_table(out: &mut String) {
-    out.push_str("\nThe figures of S03, computed again (the reasons are in design.html and design.json)\n");
+    out.push_str(
+        "\nThe figures of S03, computed again (the reasons are in design.html and design.json)\n",
+    );
     for f in slips::figures() {
         let found = match (f.source, f.verdict) {
             (None, _) => "none given".to_owned(),
-            (Some(x), Verdict::Slip) => format!("{} {} is a slip", trimmed(x), f.unit),
-            (Some(x), _) => format!("{} {} agrees", trimmed(x), f.unit),
+            (Some(x), Verdict::Slip) => format!("{} is a slip", source_figure(x, f.unit)),
+            (Some(x), _) => format!("{} agrees", source_figure(x, f.unit)),
         };
         let _ = writeln!(
             out,
-            "{:<6}{}\n      {} {}; the source: {found}",
+            "{:<6}{}\n      {}; the source: {found}",
             f.section,
             f.what,
-            fixed(f.correct, f.decimals),
-            f.unit
+            figure(f.correct, f.decimals, f.unit)
         );
     }
 }
 
-/// A figure as the source prints it.
-pub(super) fn trimmed(x: f64) -> String {
-    let text = fixed(x, 2);
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+/// A figure with its unit: three digits apart above ten thousand, true superscripts left to the page.
+pub(super) fn figure(x: f64, decimals: usize, unit: &str) -> String {
+    let number = if decimals == 0 && x >= 1000.0 {
+        count(schema::num::u64_of(schema::num::round_usize(x)))
     } else {
-        text
-    }
+        fixed(x, decimals)
+    };
+    format!("{number} {unit}")
+}
+
+/// The source's figure as it prints it, with its unit.
+pub(super) fn source_figure(x: f64, unit: &str) -> String {
+    let decimals = (0..2)
+        .find(|d| {
+            let unit = 10.0_f64.powi(*d);
+            ((x * unit).round() / unit - x).abs() < 1e-9
+        })
+        .unwrap_or(2);
+    figure(x, usize::try_from(decimals).unwrap_or(0), unit)
 }

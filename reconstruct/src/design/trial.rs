@@ -9,6 +9,7 @@ use schema::num::{real, round_usize};
 
 use super::expect::{Drive, Expected, covariance, distance, off, state_at};
 use super::manoeuvre::Plan;
+use super::parallel;
 use super::{DesignError, Settings, TIMES_S};
 use crate::stats::{ellipse_radius, two_sided_quantile};
 
@@ -76,6 +77,54 @@ pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     sorted.get(rank - 1).copied().unwrap_or(f64::NAN)
 }
 
+/// Errors of one set in sigmas of the prediction.
+struct Set {
+    /// Time; position, speed, heading.
+    rows: Vec<(f64, [f64; 3])>,
+    /// Speed at impact and delta-V.
+    impact: Option<[f64; 2]>,
+}
+
+fn one(
+    plan: &Plan,
+    expected: &Expected,
+    settings: &Settings,
+    seed: u64,
+) -> Result<Set, DesignError> {
+    let drive = Drive::drawn(&plan.scenario, &expected.sheet, seed)?;
+    let result = drive.reconstruct(&expected.sheet, settings)?;
+    let row = |t_s: f64| {
+        let predicted = state_at(&expected.states, t_s)?;
+        let state = state_at(&result.states, t_s)?;
+        let truth = drive.truth(state)?;
+        let turned = (state.heading - truth.heading + PI).rem_euclid(2.0 * PI) - PI;
+        Some((
+            t_s,
+            [
+                distance(&covariance(predicted), &off(state, truth)),
+                (state.speed - truth.speed).abs() / predicted.sd_speed,
+                turned.abs() / predicted.sd_heading,
+            ],
+        ))
+    };
+    let truth = drive.simulated.truth.facts.impacts.first();
+    let impact =
+        expected
+            .impact
+            .zip(result.impacts.first().zip(truth))
+            .map(|(sd, (found, truth))| {
+                let change = found.delta_v.resultant_mps.value - truth.cg.resultant_mps;
+                [
+                    (found.speed_mps.value - truth.speed_mps).abs() / sd.sd_speed_mps,
+                    change.abs() / sd.sd_delta_v_mps,
+                ]
+            });
+    Ok(Set {
+        rows: TIMES_S.iter().filter_map(|t| row(*t)).collect(),
+        impact,
+    })
+}
+
 /// Draws `sets` sets of sensors from the seed `first` on and compares each with the prediction.
 ///
 /// # Errors
@@ -87,6 +136,8 @@ pub fn trial(
     first: u64,
     sets: u64,
 ) -> Result<Trial, DesignError> {
+    let seeds: Vec<u64> = (first..first.saturating_add(sets)).collect();
+    let tried = parallel::map(&seeds, |seed| one(plan, expected, settings, *seed))?;
     let mut rows: Vec<TrialRow> = TIMES_S
         .iter()
         .filter(|t| state_at(&expected.states, **t).is_some())
@@ -98,35 +149,18 @@ pub fn trial(
         })
         .collect();
     let (mut impact_speed, mut delta_v) = (Vec::new(), Vec::new());
-    for seed in first..first.saturating_add(sets) {
-        let drive = Drive::drawn(&plan.scenario, &expected.sheet, seed)?;
-        let result = drive.reconstruct(&expected.sheet, settings)?;
+    for set in tried {
         for row in &mut rows {
-            let predicted = state_at(&expected.states, row.t_s);
-            let Some((predicted, state)) = predicted.zip(state_at(&result.states, row.t_s)) else {
-                continue;
-            };
-            let Some(truth) = drive.truth(state) else {
-                continue;
-            };
-            row.position
-                .push(distance(&covariance(predicted), &off(state, truth)));
-            row.speed
-                .push((state.speed - truth.speed).abs() / predicted.sd_speed);
-            let turned = (state.heading - truth.heading + PI).rem_euclid(2.0 * PI) - PI;
-            row.heading.push(turned.abs() / predicted.sd_heading);
+            let found = set.rows.iter().find(|(t, _)| (t - row.t_s).abs() < 1e-9);
+            if let Some((_, [position, speed, heading])) = found {
+                row.position.push(*position);
+                row.speed.push(*speed);
+                row.heading.push(*heading);
+            }
         }
-        let facts = &drive.simulated.truth.facts;
-        if let (Some(sd), Some(found), Some(truth)) = (
-            expected.impact,
-            result.impacts.first(),
-            facts.impacts.first(),
-        ) {
-            impact_speed.push((found.speed_mps.value - truth.speed_mps).abs() / sd.sd_speed_mps);
-            delta_v.push(
-                (found.delta_v.resultant_mps.value - truth.cg.resultant_mps).abs()
-                    / sd.sd_delta_v_mps,
-            );
+        if let Some([speed, change]) = set.impact {
+            impact_speed.push(speed);
+            delta_v.push(change);
         }
     }
     for row in &mut rows {
