@@ -412,7 +412,8 @@ fn trials(study: &Study) -> String {
         "{}<p>{sets} sets of sensors were drawn from each sheet, put into the same car on the same manoeuvre, recorded \
          and reconstructed; the table gives the share of the true values within the bounds predicted above. It should \
          be about {}. The factor is what the ellipse would have to be scaled by to hold that share: below one, the \
-         prediction is cautious.</p>\n",
+         prediction is cautious. (The simulated Earth does not turn, while the prediction holds the Coriolis \
+         acceleration of an unknown heading: good sensors do better here than predicted.)</p>\n",
         framed(
             "figures",
             &[
