@@ -1,4 +1,5 @@
-//! A panel over time with a logarithmic axis: grades of sensors are decades apart.
+//! Axes: equal ones for plan views, and a panel over time with a logarithmic one, since grades of sensors are
+//! decades apart.
 
 use schema::num;
 
@@ -16,6 +17,62 @@ pub(super) struct Curve {
     pub(super) points: Vec<(f64, f64)>,
     /// Attributes of the stroke.
     pub(super) style: String,
+}
+
+/// Equal axes in `area` that hold the points, with grid and numbers; x is to the right, y up.
+pub(super) fn axes(svg: &mut Svg, area: Area, points: &[[f64; 2]], size: f64) -> [Scale; 2] {
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for p in points.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(p[axis]);
+            high[axis] = high[axis].max(p[axis]);
+        }
+    }
+    if low[0] > high[0] {
+        (low, high) = ([-1.0; 2], [1.0; 2]);
+    }
+    let extent = [0, 1].map(|i| (high[i] - low[i]).max(1e-3) * 1.1);
+    let metre = (area.w / extent[0]).min(area.h / extent[1]);
+    let scale = |axis: usize, from: f64, to: f64, length: f64| {
+        let centre = f64::midpoint(low[axis], high[axis]);
+        Scale {
+            low: centre - 0.5 * length / metre,
+            high: centre + 0.5 * length / metre,
+            from,
+            to,
+        }
+    };
+    let x = scale(0, area.x, area.x + area.w, area.w);
+    let y = scale(1, area.y + area.h, area.y, area.h);
+    let grid = "stroke=\"#dedede\" stroke-width=\"1\"";
+    let (ticks, step) = x.ticks(area.w / (size * 5.0));
+    for t in ticks {
+        let at = x.at(t);
+        svg.line([at, area.y], [at, area.y + area.h], grid);
+        let text = signed(t, step_decimals(step));
+        svg.text(
+            [at, area.y + area.h + size * 1.2],
+            size,
+            Anchor::Middle,
+            "fill=\"#333\"",
+            &text,
+        );
+    }
+    let (ticks, step) = y.ticks(area.h / (size * 3.5));
+    for t in ticks {
+        let at = y.at(t);
+        svg.line([area.x, at], [area.x + area.w, at], grid);
+        let text = signed(t, step_decimals(step));
+        svg.text(
+            [area.x - 6.0, at + size * 0.35],
+            size,
+            Anchor::End,
+            "fill=\"#333\"",
+            &text,
+        );
+    }
+    [x, y]
 }
 
 /// A panel of `size` with title and axes.

@@ -6,7 +6,6 @@ use super::chart::{self, Curve};
 use super::expect::{Expected, Row, Study};
 use super::table::digits;
 use crate::export::ellipse::{self, Ellipse};
-use crate::report::axis::{Scale, step_decimals};
 use crate::report::labels::Area;
 use crate::report::number::{KMH, percent};
 use crate::report::svg::{self, Anchor, Svg, signed, text_width};
@@ -43,6 +42,16 @@ fn stroke(at: usize, width: f64) -> String {
         format!(" stroke-dasharray=\"{dash}\"")
     };
     format!("stroke=\"{color}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"{dash}")
+}
+
+/// The line of the sheet at a place in the list, as a small picture for a legend in text.
+pub(super) fn swatch(at: usize) -> String {
+    let mut svg = Svg::new();
+    svg.line([0.0, 5.0], [44.0, 5.0], &stroke(at, 3.0));
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"44\" height=\"10\" aria-hidden=\"true\">{}</svg>",
+        svg.into_body().trim_end()
+    )
 }
 
 /// The parts, each drawn once for the file and the page.
@@ -105,12 +114,6 @@ impl Picture {
 
     fn part(&self, size: [f64; 2], title: &str, body: &str) -> String {
         svg::picture(size, title, &self.description, body)
-    }
-
-    /// The legend as a picture of its own, for the page.
-    #[must_use]
-    pub fn legend(&self) -> String {
-        self.part([2.0 * PANEL[0], LEGEND_HEIGHT], "Legend", &self.legend)
     }
 
     /// The plan view.
@@ -181,62 +184,6 @@ fn widest_first(study: &Study) -> Vec<usize> {
     order
 }
 
-/// Equal axes in `area` that hold the points, with grid and numbers; x is to the right, y up.
-fn axes(svg: &mut Svg, area: Area, points: &[[f64; 2]], size: f64) -> [Scale; 2] {
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for p in points.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-        for axis in 0..2 {
-            low[axis] = low[axis].min(p[axis]);
-            high[axis] = high[axis].max(p[axis]);
-        }
-    }
-    if low[0] > high[0] {
-        (low, high) = ([-1.0; 2], [1.0; 2]);
-    }
-    let extent = [0, 1].map(|i| (high[i] - low[i]).max(1e-3) * 1.1);
-    let metre = (area.w / extent[0]).min(area.h / extent[1]);
-    let scale = |axis: usize, from: f64, to: f64, length: f64| {
-        let centre = f64::midpoint(low[axis], high[axis]);
-        Scale {
-            low: centre - 0.5 * length / metre,
-            high: centre + 0.5 * length / metre,
-            from,
-            to,
-        }
-    };
-    let x = scale(0, area.x, area.x + area.w, area.w);
-    let y = scale(1, area.y + area.h, area.y, area.h);
-    let grid = "stroke=\"#dedede\" stroke-width=\"1\"";
-    let (ticks, step) = x.ticks(area.w / (size * 5.0));
-    for t in ticks {
-        let at = x.at(t);
-        svg.line([at, area.y], [at, area.y + area.h], grid);
-        let text = signed(t, step_decimals(step));
-        svg.text(
-            [at, area.y + area.h + size * 1.2],
-            size,
-            Anchor::Middle,
-            "fill=\"#333\"",
-            &text,
-        );
-    }
-    let (ticks, step) = y.ticks(area.h / (size * 3.5));
-    for t in ticks {
-        let at = y.at(t);
-        svg.line([area.x, at], [area.x + area.w, at], grid);
-        let text = signed(t, step_decimals(step));
-        svg.text(
-            [area.x - 6.0, at + size * 0.35],
-            size,
-            Anchor::End,
-            "fill=\"#333\"",
-            &text,
-        );
-    }
-    [x, y]
-}
-
 fn frame(svg: &mut Svg, area: Area) {
     svg.rect(
         [area.x, area.y],
@@ -271,7 +218,7 @@ fn plan(study: &Study) -> String {
     for outline in &outlines {
         points.extend(outline.iter().flatten().flatten().map(|p| [p[1], p[0]]));
     }
-    let [x, y] = axes(&mut svg, area, &points, 14.0);
+    let [x, y] = chart::axes(&mut svg, area, &points, 14.0);
     let at = |p: [f64; 2]| [x.at(p[1]), y.at(p[0])];
     for i in widest_first(study) {
         let color = line(i).0;
@@ -399,7 +346,7 @@ fn instant(svg: &mut Svg, study: &Study, t_s: f64, area: Area) {
         ));
     }
     let points: Vec<[f64; 2]> = rings.iter().flat_map(|(_, ring)| ring.clone()).collect();
-    let [x, y] = axes(svg, area, &points, 13.0);
+    let [x, y] = chart::axes(svg, area, &points, 13.0);
     for (i, ring) in &rings {
         let ring: Vec<[f64; 2]> = ring.iter().map(|p| [x.at(p[0]), y.at(p[1])]).collect();
         svg.polygon(&ring, &format!("fill=\"none\" {}", stroke(*i, 2.0)));

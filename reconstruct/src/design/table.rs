@@ -7,7 +7,7 @@ use super::slips::{self, Verdict};
 use super::source::{Share, dominant};
 use crate::export::fixed::fixed;
 use crate::report::number::{KMH, count, percent};
-use crate::run::Road;
+use crate::run::{Model, Road};
 use crate::stats::two_sided_quantile;
 
 /// An aid that widens the funnel by more than this is told of.
@@ -191,69 +191,84 @@ fn aid_table(out: &mut String, study: &Study) {
     }
 }
 
-/// What spoils a prediction, one sentence a sheet.
+/// What spoils a prediction: sentences, sheets of which the same is to be said in one.
 #[must_use]
 pub fn caveats(study: &Study) -> Vec<String> {
-    let mut list = Vec::new();
+    let mut list: Vec<(Vec<&str>, String)> = Vec::new();
     for e in &study.expected {
-        let name = &e.sheet.name;
-        if e.clipped_samples > 0 {
+        for sentence in spoilers(study, e) {
+            match list.iter_mut().find(|(_, said)| *said == sentence) {
+                Some((names, _)) => names.push(&e.sheet.name),
+                None => list.push((vec![&e.sheet.name], sentence)),
+            }
+        }
+    }
+    list.into_iter()
+        .map(|(names, sentence)| format!("{}: {sentence}", names.join(", ")))
+        .collect()
+}
+
+fn spoilers(study: &Study, e: &Expected) -> Vec<String> {
+    let mut list = Vec::new();
+    if e.clipped_samples > 0 {
+        list.push(format!(
+            "a sensor stands at its limit in {} of this manoeuvre; delta-V is a lower bound and the speed before \
+             the impact may be off by more than shown.",
+            match e.clipped_samples {
+                1 => "one sample".to_owned(),
+                n => format!("{n} samples"),
+            }
+        ));
+    }
+    let outside: Vec<String> = e
+        .rows
+        .iter()
+        .filter(|r| !r.inside)
+        .map(|r| format!("{} s ({} m)", fixed(r.t_s, 0), digits(r.off_m)))
+        .collect();
+    if !outside.is_empty() {
+        list.push(format!(
+            "even without any sensor error the result lies outside its own ellipse at {}: what is left there is \
+             the method's (wheel slip, road, time steps), not the sensor's.",
+            outside.join(", ")
+        ));
+    }
+    for wheels in [true, false] {
+        let aid = |road: bool| e.aids.iter().find(|a| (a.wheels, a.road) == (wheels, road));
+        if let Some((with, without)) = aid(true).zip(aid(false))
+            && with.semi_major_m > HARM * without.semi_major_m
+        {
             list.push(format!(
-                "{name}: a sensor stands at its limit in {} of this manoeuvre; delta-V is a lower bound \
-                 and the speed before the impact may be off by more than shown.",
-                match e.clipped_samples {
-                    1 => "one sample".to_owned(),
-                    n => format!("{n} samples"),
+                "{} wheel speeds the road limits widen the first ellipse, from {} to {} m{}.",
+                if wheels { "with" } else { "without" },
+                digits(without.semi_major_m),
+                digits(with.semi_major_m),
+                if study.settings.model == Model::NineState {
+                    ": this filter considers the accelerometers' bias and does not estimate it, and can lose by a \
+                     measurement"
+                } else {
+                    ""
                 }
             ));
         }
-        let outside: Vec<String> = e
-            .rows
-            .iter()
-            .filter(|r| !r.inside)
-            .map(|r| format!("{} s ({} m)", fixed(r.t_s, 0), digits(r.off_m)))
-            .collect();
-        if !outside.is_empty() {
-            list.push(format!(
-                "{name}: even without any sensor error the result lies outside its own ellipse at {}: what is \
-                 left there is the method's (wheel slip, road, time steps), not the sensor's.",
-                outside.join(", ")
-            ));
-        }
-        for wheels in [true, false] {
-            let aid = |road: bool| e.aids.iter().find(|a| (a.wheels, a.road) == (wheels, road));
-            if let Some((with, without)) = aid(true).zip(aid(false))
-                && with.semi_major_m > HARM * without.semi_major_m
-            {
+    }
+    if let Some(i) = &e.impact {
+        let outside = i.outside(two_sided_quantile(study.settings.confidence));
+        for (bad, what, off) in [
+            (outside[0], "the speed at impact", i.off_speed_mps),
+            (outside[1], "delta-V", i.off_delta_v_mps),
+        ] {
+            if bad {
                 list.push(format!(
-                    "{name}: {} wheel speeds the road limits widen the first ellipse, from {} to {} m: this filter \
-                     considers the accelerometers' bias and does not estimate it, and can lose by a measurement.",
-                    if wheels { "with" } else { "without" },
-                    digits(without.semi_major_m),
-                    digits(with.semi_major_m),
+                    "even without any sensor error {what} is {} km/h off, outside its own bounds: where this pulse \
+                     begins and ends is the method's doubt.",
+                    digits(off.abs() * KMH)
                 ));
             }
         }
-        if let Some(i) = &e.impact {
-            let outside = i.outside(two_sided_quantile(study.settings.confidence));
-            for (bad, what, off) in [
-                (outside[0], "the speed at impact", i.off_speed_mps),
-                (outside[1], "delta-V", i.off_delta_v_mps),
-            ] {
-                if bad {
-                    list.push(format!(
-                        "{name}: even without any sensor error {what} is {} km/h off, outside its own bounds: \
-                         where this pulse begins and ends is the method's doubt.",
-                        digits(off.abs() * KMH)
-                    ));
-                }
-            }
-        }
-        if study.has_impact && e.impact.is_none() {
-            list.push(format!(
-                "{name}: the impact of this manoeuvre is not found."
-            ));
-        }
+    }
+    if study.has_impact && e.impact.is_none() {
+        list.push("the impact of this manoeuvre is not found.".to_owned());
     }
     list
 }
