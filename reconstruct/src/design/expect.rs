@@ -390,11 +390,14 @@ pub(super) fn off(state: &State, truth: &TruthRow) -> Vector2<f64> {
     )
 }
 
-/// Distance in sigmas; infinite where the covariance has no inverse.
+/// Distance in sigmas. A millimetre is added to each axis: a model may know one direction exactly, and no truth
+/// is known better.
 pub(super) fn distance(p: &Matrix2<f64>, off: &Vector2<f64>) -> f64 {
-    p.try_inverse().map_or(f64::INFINITY, |inverse| {
-        off.dot(&(inverse * off)).max(0.0).sqrt()
-    })
+    (p + Matrix2::identity() * 1e-6)
+        .try_inverse()
+        .map_or(f64::INFINITY, |inverse| {
+            off.dot(&(inverse * off)).max(0.0).sqrt()
+        })
 }
 
 /// The clipping part of the record: frames at their sensor's range, by bin and axis.
