@@ -1,7 +1,7 @@
 //! Is the expected funnel what happens? Sensors drawn from the same sheet, on the same manoeuvres, against truth.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-use reconstruct::design::expect::study;
+use reconstruct::design::expect::predict;
 use reconstruct::design::grades::grade;
 use reconstruct::design::trial::{TrialRow, share_within, trial};
 use reconstruct::design::{Plan, Settings, TIMES_S};
@@ -36,22 +36,16 @@ fn drawn_sensors_spread_as_predicted() {
             (Class::Rear, 41_004),
             (Class::Oblique, 41_005),
         ] {
-            let study = study(
-                Plan::drawn(class, seed),
-                &[grade(name).unwrap()],
-                settings.clone(),
-            );
-            let study = study.unwrap();
-            let tried = trial(&study.plan, &study.expected[0], &settings, 41_100, SETS).unwrap();
+            let plan = Plan::drawn(class, seed);
+            let expected = predict(&plan, &grade(name).unwrap(), &settings).unwrap();
+            let tried = trial(&plan, &expected, &settings, 41_100, SETS).unwrap();
             for (all, one) in pooled.iter_mut().zip(tried.rows) {
                 all.position.extend(one.position);
                 all.speed.extend(one.speed);
                 all.heading.extend(one.heading);
             }
             // Where the study itself says that the method is off, it makes no promise.
-            let [speed_off, delta_v_off] = study.expected[0]
-                .impact
-                .map_or([true; 2], |i| i.outside(1.96));
+            let [speed_off, delta_v_off] = expected.impact.map_or([true; 2], |i| i.outside(1.96));
             if !speed_off {
                 impact_speed.extend(tried.impact_speed);
             }
