@@ -4,6 +4,7 @@ pub mod chain;
 pub mod compare;
 pub mod constraint;
 pub mod dead_reckoning;
+pub mod design;
 pub mod epochs;
 pub mod error;
 pub mod error_model;

@@ -9,6 +9,7 @@ use reconstruct::compare::CompareError;
 
 mod compare;
 mod decrypt;
+mod design;
 mod export;
 mod fetch;
 mod inspect;
@@ -51,6 +52,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Validate the models on simulated crashes and on recordings with truth
     Validate(validate::Args),
+    /// Expected bounds of a sensor on a manoeuvre, before anything is recorded
+    Design(Box<design::Args>),
     /// Fetch records from a recorder over a serial line
     Fetch(fetch::Args),
     /// Print the JSON Schema of summary.json
@@ -101,6 +104,9 @@ pub(crate) enum CliError {
     /// The simulation.
     #[error(transparent)]
     Simulate(Box<simulate::Error>),
+    /// The design study.
+    #[error(transparent)]
+    Design(Box<reconstruct::design::DesignError>),
     /// The read-out over a serial line.
     #[error(transparent)]
     Fetch(Box<reconstruct::fetch::FetchError>),
@@ -135,6 +141,12 @@ impl From<simulate::Error> for CliError {
     }
 }
 
+impl From<reconstruct::design::DesignError> for CliError {
+    fn from(error: reconstruct::design::DesignError) -> Self {
+        Self::Design(Box::new(error))
+    }
+}
+
 impl CliError {
     pub(crate) fn file(path: &Path, error: io::Error) -> Self {
         Self::File {
@@ -147,6 +159,7 @@ impl CliError {
         match self {
             Self::Simulate(error) => error.exit_code(),
             Self::Token { .. } => 2,
+            Self::Design(error) => error.exit_code(),
             Self::Reconstruct(error) => match **error {
                 ReconstructError::Option { .. } | ReconstructError::Window { .. } => 2,
                 _ => 1,
@@ -179,6 +192,7 @@ pub(crate) fn main() -> u8 {
             other => other.map_err(CliError::from),
         },
         Command::Validate(args) => validate::run(&args),
+        Command::Design(args) => design::run(&args),
         Command::Fetch(args) => fetch::run(&args),
         Command::Schema => print(reconstruct::report::SUMMARY_SCHEMA).map(|()| SOUND),
     };

@@ -71,7 +71,8 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     number(text)
 }
 
-fn confidence(text: &str) -> Result<f64, String> {
+/// A confidence on the command line.
+pub(crate) fn confidence(text: &str) -> Result<f64, String> {
     let share = number(text)?;
     if (0.01..=0.9999).contains(&share) {
         Ok(share)
@@ -124,7 +125,8 @@ fn rest_pose(text: &str) -> Result<RestPose, String> {
     })
 }
 
-fn road(text: &str) -> Result<Road, ReconstructError> {
+/// Road limits on the command line.
+pub(crate) fn road(text: &str) -> Result<Road, ReconstructError> {
     match text {
         "h1" => Ok(Road::H1),
         "none" => Ok(Road::None),

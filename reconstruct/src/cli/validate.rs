@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         seeds: args.seeds.first..=args.seeds.last,
         models: models.clone(),
         threads,
-        ideal: None,
+        ideal: Some(&sets::told),
     };
     let mut progress = Progress::new("crashes");
     let cases = sets::run(&plan, |done, all| progress.show(done, all));

@@ -99,7 +99,7 @@ pub(super) fn frames(scenario: &Scenario, imu: &[ImuFrame], wheels: &[WheelFrame
         Axes::FrontRightDown => [1.0, 1.0, 1.0],
     };
     let turned = |v: [f64; 3]| [0, 1, 2].map(|i| v[i] * signs[i]);
-    let mut random = Random::new(scenario.class, scenario.seed, Stream::Jitter);
+    let mut random = Random::new(scenario.class, scenario.sensor_seed, Stream::Jitter);
     let mut frames = Vec::with_capacity(imu.len() * 2 + wheels.len());
     let (mut accel_times, mut rate_times, mut wheel_times) = (
         Arrivals::new(scenario),

@@ -81,6 +81,7 @@ impl Scenario {
             class,
             grade,
             seed,
+            sensor_seed: seed,
             imu_hz: 100,
             wheel_hz,
             wheel_phase,
@@ -93,6 +94,20 @@ impl Scenario {
             sheet,
             errors,
         }
+    }
+
+    /// Puts another set of sensors, drawn from `sheet`, into the same car on the same drive.
+    pub fn redraw_sensors(&mut self, sheet: &Sheet, sensor_seed: u64) {
+        let mut sensors = Random::new(self.class, sensor_seed, Stream::Errors);
+        let mut placed = |nominal: [f64; 3], sd: f64| {
+            let off = sensors.normals(sd);
+            [0, 1, 2].map(|i| nominal[i] + off[i])
+        };
+        self.car.imu = placed(self.car.imu_nominal, sheet.imu_place);
+        self.car.cg = placed(self.car.cg_nominal, sheet.cg_place);
+        self.errors = Errors::draw(sheet, &mut sensors);
+        self.sheet = sheet.clone();
+        self.sensor_seed = sensor_seed;
     }
 
     /// Refuses what cannot be simulated.

@@ -16,6 +16,8 @@ pub struct Scenario {
     pub grade: Grade,
     /// Seed of every random process.
     pub seed: u64,
+    /// Seed of what the sensors do: [`Self::seed`], unless other sensors were put into the same car.
+    pub sensor_seed: u64,
     /// Rate of the IMU frames, Hz: a divisor of 2000 from 100 to 1000.
     pub imu_hz: usize,
     /// Rate of the wheel frames, Hz.

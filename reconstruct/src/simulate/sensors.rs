@@ -89,7 +89,7 @@ struct Noise {
 impl Noise {
     fn new(scenario: &Scenario) -> Self {
         let period = 1.0 / num::real(scenario.imu_hz);
-        let mut random = Random::new(scenario.class, scenario.seed, Stream::Imu);
+        let mut random = Random::new(scenario.class, scenario.sensor_seed, Stream::Imu);
         let mut vibration = || Vibration::new(period, random.range(10.0, 14.0));
         let (accel, rate) = ([(); 3].map(|()| vibration()), [(); 3].map(|()| vibration()));
         Self {
@@ -130,7 +130,7 @@ pub(super) fn imu_frames(scenario: &Scenario, rigid: &Rigid, steps: usize) -> Ve
     let length = STEPS_PER_SECOND / scenario.imu_hz;
     let to_sensor: Matrix3<f64> = rotation(errors.mounting).transpose();
     let mut noise = Noise::new(scenario);
-    let mut bus = Random::new(scenario.class, scenario.seed, Stream::Bus);
+    let mut bus = Random::new(scenario.class, scenario.sensor_seed, Stream::Bus);
     let first = STEPS_PER_BIN - (STEPS_PER_BIN / length - 1) * length;
     let mut frames = Vec::with_capacity(steps / length + 1);
     let mut end = first;
@@ -199,7 +199,7 @@ pub(super) fn imu_frames(scenario: &Scenario, rigid: &Rigid, steps: usize) -> Ve
 /// The wheel sensors' frames.
 pub(super) fn wheel_frames(scenario: &Scenario, motion: &Motion, steps: usize) -> Vec<WheelFrame> {
     let errors = &scenario.errors;
-    let mut random = Random::new(scenario.class, scenario.seed, Stream::Wheels);
+    let mut random = Random::new(scenario.class, scenario.sensor_seed, Stream::Wheels);
     let last = node_time(steps);
     let mut frames = Vec::new();
     let mut t = scenario.wheel_phase.max(1e-3);

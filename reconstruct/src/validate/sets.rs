@@ -32,6 +32,25 @@ pub struct Plan<'a> {
     pub ideal: Option<Change<'a>>,
 }
 
+/// The ideal filter of a scenario: the refined model told the true spreads of this very car and drive (vibration, wheel
+/// noise, sideslip), and that beside them nothing is wrong (no wheel floor, no gyro error but bias and scale, an exact
+/// track width). Biases, scales, mounting and delay stay unknown: they are what a filter is there to find.
+pub fn told(scenario: &Scenario, header: &mut Header, options: &mut Options) {
+    let errors = &scenario.errors;
+    let slip = &scenario.manoeuvre.sideslip;
+    header.imu.accel_vibration = errors.accel_vibration.max(1e-6);
+    header.imu.rate_vibration = errors.rate_vibration.max(1e-8);
+    header.wheels.noise_mps = errors.wheel_noise.max(1e-6);
+    options.model = Model::Refined;
+    options.refined.wheel_floor_mps = 0.0;
+    options.refined.slip_sd = slip.sd.max(1e-6);
+    // The simulator states when the correlation falls to 1/e; of its law the integral is 0.92 of that.
+    options.refined.slip_time_s = 0.92 * slip.time;
+    options.refined.slip_gradient = [slip.per_lateral, 1e-6];
+    options.refined.rate_nonlinearity = 0.0;
+    options.refined.track_sd = 1e-6;
+}
+
 impl Plan<'_> {
     /// Every class and seed, class by class.
     #[must_use]
