@@ -175,8 +175,7 @@ pub fn reconstruct(record: &Record, options: &Options) -> Result<Reconstruction,
         utc_zero_ns: zero.checked_add(record.header.clock.offset_ns),
     };
     let mut result = from_epochs(&epochs, &facts, options)?;
-    let states = &result.states;
-    result.details.reaction.fill_brake(&record.aux, states);
+    result.details.reaction.fill_brake(&record.aux);
     Ok(result)
 }
 
@@ -238,7 +237,17 @@ pub fn from_epochs(
         joint: &ran.joint,
         wheels_only: options.model == Model::DeadReckoning,
     };
-    let details = details::of(&evidence, &rest, &states, [from, to], options.reaction_s);
+    // The way to the impact and to the rest is that of the record, whatever window is shown.
+    let all = 0..epochs.list.len();
+    let whole =
+        (all != (from..to)).then(|| funnel::states(&source, &ran.snapshots, all.start, all.end).0);
+    let details = details::of(
+        &evidence,
+        &rest,
+        whole.as_ref().unwrap_or(&states),
+        [from, to],
+        options.reaction_s,
+    );
     let rest_from = rest.found().then_some(rest.range.start);
     let first = &states[0];
     let top = states

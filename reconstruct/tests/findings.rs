@@ -27,6 +27,10 @@ struct Case {
 
 impl Case {
     fn run(class: Class, seed: u64) -> Self {
+        Self::run_with(class, seed, &Options::default())
+    }
+
+    fn run_with(class: Class, seed: u64, options: &Options) -> Self {
         let simulated = simulate(&Scenario::draw(class, seed)).unwrap();
         let samples = simulated.samples();
         let from = round_usize((simulated.truth.facts.trigger_at_s - 30.0).max(0.01) * 100.0);
@@ -46,7 +50,7 @@ impl Case {
             completion: &completion,
             utc_zero_ns: None,
         };
-        let result = from_epochs(&epochs, &facts, &Options::default()).unwrap();
+        let result = from_epochs(&epochs, &facts, options).unwrap();
         Self { simulated, result }
     }
 
@@ -320,4 +324,24 @@ fn a_roll_over_is_counted() {
             assert_eq!(Case::run(class, seed).result.details.rollover, None);
         }
     }
+}
+
+/// A window hides states, never a part of a distance.
+#[test]
+fn a_window_does_not_shorten_the_way() {
+    let whole = Case::run(Class::Frontal, SEEDS + 3);
+    let onset = whole.result.impacts[0].t_s.value;
+    let options = Options {
+        from_s: Some(onset - 3.0),
+        to_s: Some(onset + 0.5),
+        reaction_s: 8.0,
+        ..Options::default()
+    };
+    let part = Case::run_with(Class::Frontal, SEEDS + 3, &options).result;
+    let details = &part.details;
+    assert!(part.states.len() < 400);
+    assert_eq!(details.final_rest, whole.result.details.final_rest);
+    assert_eq!(details.reaction.rows.len(), 17);
+    let rows = &whole.result.details.reaction.rows;
+    assert_eq!(details.reaction.rows[6..], rows[..]);
 }

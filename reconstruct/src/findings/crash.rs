@@ -142,8 +142,18 @@ pub fn braking(evidence: &Evidence<'_>, rest_from: Option<usize>) -> Option<Brak
     let peak = stretch.clone().map(|k| -mean(k)).fold(0.0, f64::max);
     let sd = stretch
         .clone()
-        .map(|k| evidence.snapshots[k].sd_accel[0])
-        .filter(|x| x.is_finite())
+        .map(|k| {
+            let snapshot = &evidence.snapshots[k];
+            let tilt = snapshot.p[(ATT, ATT)].max(snapshot.p[(ATT + 1, ATT + 1)]);
+            // A model without accelerometer states still has the data sheet's bias and its own tilt.
+            let sheet = epochs
+                .header
+                .imu
+                .accel_bias
+                .hypot(tilt.max(0.0).sqrt() * 9.81);
+            let own = snapshot.sd_accel[0];
+            if own.is_finite() { own } else { sheet }
+        })
         .fold(0.0, f64::max);
     Some(Braking {
         onset_t_s: Figure::new(

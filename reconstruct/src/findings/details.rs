@@ -53,7 +53,8 @@ pub struct Details {
     pub budgets: Vec<Budget>,
 }
 
-/// The details of a run; `states` are those reported, `seconds` the length of the reaction window.
+/// The details of a run; `states` are those of the whole record, `from..to` is the window of the extremes, `seconds`
+/// the length of the reaction window.
 #[must_use]
 pub fn of(
     evidence: &Evidence<'_>,
@@ -79,8 +80,12 @@ pub fn of(
         brake_unit: None,
     });
     let split = first.map_or(to, |pulse| (pulse.before + 1).clamp(from, to));
-    let turned_from = first.map_or(from, |pulse| pulse.before);
-    let turned_to = if rest.found() { rest.settled } else { to - 1 };
+    let turned_from = first.map_or(0, |pulse| pulse.before);
+    let turned_to = if rest.found() {
+        rest.settled
+    } else {
+        evidence.snapshots.len() - 1
+    };
     let turned_to = turned_to.min(evidence.snapshots.len() - 1);
     let rollover = (!evidence.wheels_only)
         .then(|| rollover::of(evidence, turned_from, turned_to))

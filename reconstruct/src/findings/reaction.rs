@@ -19,6 +19,8 @@ pub struct Row {
     pub before_s: f64,
     /// Seconds from the trigger.
     pub t_s: f64,
+    /// Sample at or before that time, on the 100 Hz grid.
+    pub index: u64,
     /// Forward speed, m/s.
     pub speed_mps: Figure,
     /// North of the IMU, m.
@@ -130,6 +132,7 @@ fn row(evidence: &Evidence<'_>, states: &[State], back: f64, end: &Figure) -> Op
     Some(Row {
         before_s: -back,
         t_s: t,
+        index: a.index,
         speed_mps: Figure::new(mix(a.speed, b.speed) + accel * lead, speed_sd, q),
         north_m: Figure::new(place(0), place_sd(mix(a.sd_north, b.sd_north), 0), q),
         east_m: Figure::new(place(1), place_sd(mix(a.sd_east, b.sd_east), 1), q),
@@ -162,20 +165,47 @@ fn mean(states: &[State], axis: usize, to_s: f64, quantile: f64) -> Option<Figur
 }
 
 impl Reaction {
-    /// Fills the brake column from the record's auxiliary channel of that name; `state_index` gives the sample at
-    /// a time.
-    pub fn fill_brake(&mut self, channels: &[AuxChannel], states: &[State]) {
+    /// Fills the brake column from the record's auxiliary channel of that name.
+    pub fn fill_brake(&mut self, channels: &[AuxChannel]) {
         let Some(channel) = channels.iter().find(|c| c.name == "brake") else {
             return;
         };
         self.brake_unit = Some(channel.unit.clone());
         for row in &mut self.rows {
-            let at = states.partition_point(|s| s.t_s <= row.t_s + 1e-9);
-            row.brake = at
-                .checked_sub(1)
-                .and_then(|k| states.get(k))
-                .and_then(|s| s.index.checked_sub(channel.first_index))
+            row.brake = row
+                .index
+                .checked_sub(channel.first_index)
                 .and_then(|n| channel.values.get(usize_of(n / 10)).copied().flatten());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample_case;
+
+    #[test]
+    fn the_way_is_that_of_the_states_and_the_brake_that_of_its_sample() {
+        let r = sample_case::reconstruction();
+        let (from, to) = (r.states[100].t_s, r.states[900].t_s);
+        let whole = way(&r.states, from, to, 1.96);
+        let parts = [(from, from + 2.0034), (from + 2.0034, to)]
+            .map(|(a, b)| way(&r.states, a, b, 1.96).value);
+        assert!((whole.value - parts[0] - parts[1]).abs() < 1e-9);
+        assert!(whole.value > 100.0 && whole.sd > 0.0);
+        let mut reaction = r.details.reaction.clone();
+        for (row, index) in reaction.rows.iter_mut().zip([1005, 1019, 990]) {
+            row.index = index;
+        }
+        reaction.fill_brake(&[AuxChannel {
+            name: "brake".to_owned(),
+            signal: "X.Brake".to_owned(),
+            unit: "%".to_owned(),
+            first_index: 1000,
+            values: vec![Some(3.0), None, Some(7.0)],
+        }]);
+        let found: Vec<_> = reaction.rows.iter().map(|row| row.brake).collect();
+        assert_eq!(found, [Some(3.0), None, None]);
     }
 }

@@ -247,7 +247,12 @@ pub(crate) fn agreement(r: &Reconstruction) -> String {
                 c.quantity.to_owned(),
                 difference,
                 fixed(c.chi_square, 1),
-                format!("{} ({} degrees of freedom)", fixed(c.limit, 1), c.degrees),
+                format!(
+                    "{} ({} degree{} of freedom)",
+                    fixed(c.limit, 1),
+                    c.degrees,
+                    if c.degrees == 1 { "" } else { "s" }
+                ),
             ],
         );
     }

@@ -61,6 +61,7 @@ pub(crate) fn details() -> Details {
     let row = |before_s: f64| Row {
         before_s,
         t_s: before_s - 0.012,
+        index: 3900,
         speed_mps: figure(20.0 + before_s, 0.1),
         north_m: figure(20.0 * before_s, 0.5),
         east_m: figure(-3.0, 0.4),
