@@ -76,6 +76,8 @@ pub struct Motion {
     pub accel: Vec<Vector3<f64>>,
     /// Rate with the bias taken off, rad/s.
     pub rate: Vec<Vector3<f64>>,
+    /// Variance of the rate beside noise: what a gyro at its limit hid, (rad/s)^2.
+    pub rate_doubt: Vec<Vector3<f64>>,
     /// 250 ms mean of the acceleration.
     pub smooth: Vec<Vector3<f64>>,
     /// Impacts in order of time.
@@ -118,6 +120,7 @@ impl Motion {
         let mut motion = Self {
             accel,
             rate,
+            rate_doubt: vec![Vector3::zeros(); n],
             smooth,
             impacts: Vec::new(),
             wheels_bad: vec![false; n],

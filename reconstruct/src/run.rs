@@ -219,9 +219,10 @@ pub fn from_epochs(
     };
     let quantile = two_sided_quantile(options.confidence);
     let ran = run_models(&setup, &rest, options, quantile, from)?;
+    let motion = ran.motion.as_ref().unwrap_or(&motion);
     let source = Source {
         epochs,
-        motion: &motion,
+        motion,
         gravity: earth.gravity,
         road: road
             .as_ref()
@@ -231,7 +232,7 @@ pub fn from_epochs(
     let (states, road_use) = funnel::states(&source, &ran.snapshots, from, to);
     let evidence = Evidence {
         epochs,
-        motion: &motion,
+        motion,
         snapshots: &ran.snapshots,
         quantile,
         joint: &ran.joint,
@@ -287,7 +288,7 @@ pub fn from_epochs(
             || !rest.found(),
         states,
     };
-    result.limits = limits::sentences(&result, epochs, &motion, facts);
+    result.limits = limits::sentences(&result, epochs, motion, facts);
     result.limits.extend(ran.faults);
     Ok(result)
 }
@@ -300,6 +301,8 @@ struct Ran {
     snapshots: Vec<Snapshot>,
     /// Its joint covariances of the pulses, where it has them.
     joint: Vec<Option<JointPulse>>,
+    /// The first look as it saw it, where it saw more.
+    motion: Option<Motion>,
     /// What the refined model says of the sensors.
     faults: Vec<String>,
     /// Its use of the wheels.
@@ -317,10 +320,11 @@ fn run_models(
     let mut answers = Vec::new();
     let mut kept = None;
     let mut wheels = WheelUse::default();
-    let mut joint = Vec::new();
     let mut faults = Vec::new();
     let asked = options.model;
     for model in Model::ALL {
+        let mut motion = None;
+        let mut joint = Vec::new();
         let snapshots = match model {
             Model::DeadReckoning => dead_reckoning::run(&setup.reversed, setup.motion),
             Model::Published => Some(published::run(
@@ -340,27 +344,29 @@ fn run_models(
                 let refined = refined::run(setup, rest, &options.refined, options.smoother)?;
                 if asked == Model::Refined {
                     wheels = refined.wheels;
-                    joint.clone_from(&refined.joint);
                 }
-                faults = faults::sentences(&refined, setup.reversed.forward(), setup.motion);
+                let epochs = setup.reversed.forward();
+                faults = faults::sentences(&refined, epochs, setup.motion);
+                motion = Some(refined.motion(epochs, setup.motion));
+                joint = refined.joint;
                 Some(refined.snapshots)
             }
         };
         let Some(snapshots) = snapshots else { continue };
         let evidence = Evidence {
             epochs: setup.reversed.forward(),
-            motion: setup.motion,
+            motion: motion.as_ref().unwrap_or(setup.motion),
             snapshots: &snapshots,
             quantile,
-            joint: &[],
+            joint: &joint,
             wheels_only: model == Model::DeadReckoning,
         };
         answers.push(agreement::answer(model.name(), &evidence, from));
         if model == asked {
-            kept = Some(snapshots);
+            kept = Some((snapshots, joint, motion));
         }
     }
-    let snapshots = kept.ok_or(ReconstructError::Option {
+    let (snapshots, joint, motion) = kept.ok_or(ReconstructError::Option {
         option: "model",
         expected: "a model the record can feed",
         found: format!("{} without a wheel speed in the record", asked.name()),
@@ -369,6 +375,7 @@ fn run_models(
         answers,
         snapshots,
         joint,
+        motion,
         faults,
         wheels,
     })

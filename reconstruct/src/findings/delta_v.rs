@@ -88,10 +88,10 @@ pub(crate) fn by_sheet(
     let across = Vector3::new(-dv.y, dv.x, 0.0);
     Matrix3::from_diagonal(&(own + timing))
         + across * across.transpose() * imu.mounting_sd[2].powi(2)
-        + lever(evidence, change)
+        + lever(evidence, change, last)
 }
 
-fn lever(evidence: &Evidence<'_>, change: &Change) -> Matrix3<f64> {
+fn lever(evidence: &Evidence<'_>, change: &Change, last: usize) -> Matrix3<f64> {
     let dt = evidence.epochs.list.last().map_or(0.01, |e| e.dt);
     change.lever_covariance(
         &Arm::of(evidence).sd,
@@ -101,7 +101,7 @@ fn lever(evidence: &Evidence<'_>, change: &Change) -> Matrix3<f64> {
                 &change.rate[0],
                 dt * schema::num::real(RATE_EPOCHS),
             ),
-            rate_variance(evidence, &change.rate[1], 2.0 * dt),
+            rate_variance(evidence, &change.rate[1], 2.0 * dt) + evidence.motion.rate_doubt[last],
         ],
     )
 }
@@ -213,7 +213,7 @@ fn covariances(
 ) -> (Matrix3<f64>, Matrix3<f64>) {
     let turned = |m: &Matrix3<f64>| change.c * m * change.c.transpose();
     if let Some(joint) = joint {
-        let extra = Matrix3::from_diagonal(timing) + lever(evidence, change);
+        let extra = Matrix3::from_diagonal(timing) + lever(evidence, change, last);
         let [nav, body] = change.jacobians();
         (
             body * joint.covariance * body.transpose() + extra,
@@ -251,6 +251,7 @@ fn turn(
     )
     .z + rate_variance(evidence, &change.rate[1], 2.0 * dt).z
         + (growth * doubt).powi(2)
+        + evidence.motion.rate_doubt[last].z
         + list[pulse.before..=last]
             .iter()
             .map(|e| e.rate_psd / e.dt)

@@ -37,8 +37,8 @@ pub struct Inputs {
     extra: Vec<Density>,
     /// Seconds at the limit: accelerometer x, y, z, gyro x, y, z.
     pub clipped_s: [f64; 6],
-    /// Sign and size of what was added to a clipped rate at its worst, rad/s, per axis.
-    pub added_rate: [f64; 3],
+    /// Variance of what a gyro at its limit hid, (rad/s)^2.
+    pub rate_doubt: Vec<Vector3<f64>>,
 }
 
 impl Inputs {
@@ -55,7 +55,7 @@ impl Inputs {
             rate: list.iter().map(|e| e.rate).collect(),
             extra: vec![none; list.len()],
             clipped_s: [0.0; 6],
-            added_rate: [0.0; 3],
+            rate_doubt: vec![Vector3::zeros(); list.len()],
         };
         for axis in 0..6 {
             inputs.gaps(list, axis);
@@ -172,9 +172,8 @@ impl Inputs {
         let sd = EXCESS_RATE[0] * mean + EXCESS_RATE[1] * range;
         for k in from..to {
             self.rate[k][axis] += excess[k - from];
-            if excess[k - from].abs() > self.added_rate[axis].abs() {
-                self.added_rate[axis] = excess[k - from];
-            }
+            let own = EXCESS_RATE[0] * excess[k - from] + EXCESS_RATE[1] * range;
+            self.rate_doubt[k][axis] += own * own;
             self.widen(
                 k,
                 axis + 3,

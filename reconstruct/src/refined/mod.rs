@@ -14,11 +14,13 @@ pub mod tuning;
 
 use nalgebra::{SMatrix, Vector3};
 
+use crate::epochs::Epochs;
 use crate::error::ReconstructError;
 use crate::error_model::{ATT, STATES};
 use crate::filter::{Setup, Snapshot};
 use crate::findings::WheelUse;
 use crate::findings::delta_v::JointPulse;
+use crate::motion::Motion;
 use crate::rest::RestInterval;
 use crate::smooth::Smoother;
 use crate::smooth::rts::{Adjoint, cross_covariance};
@@ -42,6 +44,20 @@ pub struct Refined {
     pub after: (Nominal, Cov),
     /// The pass, for the batch solve, the error budget and the findings of faults.
     pub passed: Passed,
+}
+
+impl Refined {
+    /// The first look with what the refined model made of a gyro at its limit.
+    #[must_use]
+    pub fn motion(&self, epochs: &Epochs, first_look: &Motion) -> Motion {
+        let inputs = &self.passed.inputs;
+        let mut motion = first_look.clone();
+        for (k, epoch) in epochs.list.iter().enumerate() {
+            motion.rate[k] += inputs.rate[k] - epoch.rate;
+            motion.rate_doubt[k] = inputs.rate_doubt[k];
+        }
+        motion
+    }
 }
 
 /// Runs filter and smoother.
