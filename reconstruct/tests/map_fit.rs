@@ -55,7 +55,7 @@ fn rate() {
                 let right = d.norm() < 4.0 * worst_place(f) + 5.0 && a.abs() < 4.0 * hs + 0.01;
                 tag = format!("{tag} {}", if right { "right" } else { "WRONG" });
                 if right && out.verdict == Verdict::Placed { n += 1; hc += u32::from((a/hs).abs() < 1.96); pc += u32::from(maha < 5.99); }
-                println!("{class} {seed} len {:.0} {tag} off {:.1} m sd {:.1} maha {:.1} head {:.2} sd {:.2} p {:.3} chi {:.2} on {}/{} n {} | {}", path.length_m, d.norm(), worst_place(f), maha, a.to_degrees(), hs.to_degrees(), b.probability, f.chi_square, f.on_road, f.points, out.candidates.len(), out.why.join(" "));
+                if !tag.contains("Placed right") || maha > 6.0 || f.chi_square > 0.8 || f.on_road < f.points { println!("{class} {seed} len {:.0} {tag} off {:.1} m sd {:.1} maha {:.1} head {:.2} sd {:.2} p {:.3} chi {:.2} on {}/{} n {} | {}", path.length_m, d.norm(), worst_place(f), maha, a.to_degrees(), hs.to_degrees(), b.probability, f.chi_square, f.on_road, f.points, out.candidates.len(), out.why.join(" ")); }
             } else { println!("{class} {seed} len {:.0} {tag} none", path.length_m); }
             *t.entry(tag).or_default() += 1;
         }

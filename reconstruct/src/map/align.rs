@@ -22,8 +22,8 @@ const OUTLIER: f64 = 2.5;
 /// Points farther from every road are not on one, m.
 const GATE_M: f64 = 15.0;
 /// Steps of one stage, and for all points; the last ones settle.
-const STEPS: usize = 4;
-const LAST_STEPS: usize = 12;
+const STEPS: usize = 5;
+const LAST_STEPS: usize = 40;
 /// What an outlier costs besides its width, in units of log probability: about one point in twenty is one.
 const OUTLIER_COST: f64 = 3.0;
 /// What a point on no road costs: as an outlier of the gate's width.
@@ -103,9 +103,9 @@ pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>
                 return None;
             }
             let before = state.pose;
-            state = solve(path, prior, guess.z, state, &seen)?.state;
+            state = solve(path, prior, guess.z, state, &seen, false)?.state;
             let moved = state.pose - before;
-            if step > 1 && moved.xy().norm() < 1e-3 && moved.z.abs() < 1e-6 {
+            if step > 1 && moved.xy().norm() < 0.02 && moved.z.abs() < 1e-5 {
                 break;
             }
         }
@@ -118,7 +118,7 @@ pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>
         }
     }
     let seen = look(path, network, &state, all);
-    let solved = solve(path, prior, guess.z, state, &seen)?;
+    let solved = solve(path, prior, guess.z, state, &seen, true)?;
     Some(finish(&solved, &seen, all))
 }
 
@@ -151,7 +151,14 @@ fn look(path: &Path, network: &Network, state: &State, used: usize) -> Vec<Seen>
         .collect()
 }
 
-fn solve(path: &Path, prior: &Prior, about: f64, state: State, seen: &[Seen]) -> Option<Solved> {
+fn solve(
+    path: &Path,
+    prior: &Prior,
+    about: f64,
+    state: State,
+    seen: &[Seen],
+    last: bool,
+) -> Option<Solved> {
     let n = seen.len();
     let rotation = turn(state.pose.z);
     let turned = turn(state.pose.z + std::f64::consts::FRAC_PI_2);
@@ -161,7 +168,10 @@ fn solve(path: &Path, prior: &Prior, about: f64, state: State, seen: &[Seen]) ->
         .map(|s| {
             let i = s.point;
             let shift = Vector2::new(state.shift[2 * i], state.shift[2 * i + 1]);
-            let right = s.found.right;
+            // Across the path, which is smooth; the drawn line's own direction jitters, and would seem to say
+            // where along the road the car was.
+            let ahead = rotation * path.ahead[i];
+            let right = Vector2::new(-ahead.y, ahead.x);
             let lever = right.dot(&(turned * (path.points[i] + shift)));
             (
                 Vector3::new(right.x, right.y, lever),
@@ -176,7 +186,7 @@ fn solve(path: &Path, prior: &Prior, about: f64, state: State, seen: &[Seen]) ->
     let away = state.pose.z - heading;
     let mean_heading = heading + std::f64::consts::TAU * (away / std::f64::consts::TAU).round();
     let mean = Vector3::new(0.0, 0.0, mean_heading);
-    let s = DMatrix::from_fn(n, n, |a, b| {
+    let entry = |a: usize, b: usize| {
         let ((x, u), (y, v)) = (&rows[a], &rows[b]);
         let (i, j) = (seen[a].point, seen[b].point);
         let apart = (path.points[i] - path.points[j]).norm();
@@ -188,7 +198,9 @@ fn solve(path: &Path, prior: &Prior, about: f64, state: State, seen: &[Seen]) ->
             0.0
         };
         x.dot(&(p * y)) + u.dot(&(path.block(i, j) * v)) + lane + road + own
-    });
+    };
+    // Cholesky reads the lower triangle only.
+    let s = DMatrix::from_fn(n, n, |a, b| if a < b { 0.0 } else { entry(a, b) });
     let residual = DVector::from_fn(n, |a, _| {
         let i = seen[a].point;
         let (x, u) = &rows[a];
@@ -216,8 +228,13 @@ fn solve(path: &Path, prior: &Prior, about: f64, state: State, seen: &[Seen]) ->
     let covariance = p - Matrix3::from_fn(|r, c| reduced[(r, c)]);
     let shift = &on_shift * &weighted;
     // Shift is minus the error of the path.
-    let with_shift = &on_shift * &gained;
-    let cross = (0..all)
+    let with_shift = if last {
+        &on_shift * &gained
+    } else {
+        DMatrix::zeros(0, 0)
+    };
+    let points = if last { all } else { 0 };
+    let cross = (0..points)
         .map(|i| nalgebra::Matrix3x2::from_fn(|r, c| with_shift[(2 * i + c, r)]))
         .collect();
     let finite = pose.iter().all(|x| x.is_finite()) && log_det.is_finite();
@@ -251,7 +268,9 @@ fn finish(solved: &Solved, seen: &[Seen], all: usize) -> Fit {
         pose: solved.state.pose,
         covariance: solved.covariance,
         cross: solved.cross.clone(),
-        log_weight: -0.5 * (solved.chi_square + solved.log_det) - cost,
+        log_weight: -0.5
+            * (solved.chi_square + solved.log_det + real(seen.len()) * std::f64::consts::TAU.ln())
+            - cost,
         chi_square: solved.chi_square / real(seen.len().max(1)),
         points: all,
         on_road: seen.len() - outliers,

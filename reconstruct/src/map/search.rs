@@ -21,8 +21,8 @@ const KEPT: [usize; 2] = [600, 120];
 const MAX_GUESSES: usize = 20_000;
 /// Squared sigmas that one point can cost in a look.
 const CAP: f64 = 9.0;
-/// Places and headings closer than this are one answer.
-const SAME_M: f64 = 12.0;
+/// Places along one road and headings closer than this are one answer.
+const SAME_M: f64 = 40.0;
 const SAME_RAD: f64 = 3.0 * RAD;
 /// A rival less likely than this is not worth a line.
 const NEGLIGIBLE: f64 = 1e-3;
@@ -75,7 +75,7 @@ pub fn search(path: &Path, network: &Network, prior: &Prior) -> Outcome {
         .iter()
         .filter_map(|guess| align::refine(path, network, prior, *guess))
         .collect();
-    let candidates = rivals(fits);
+    let candidates = rivals(fits, path);
     judge(candidates, prior, path)
 }
 
@@ -206,27 +206,24 @@ fn apart(a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, f64) {
     )
 }
 
-/// Whether two fits are one answer: near, or within each other's doubt.
-fn same(a: &Fit, b: &Fit) -> bool {
+/// Whether two fits are one answer: beside each other along the same road, with the same heading. The errors of
+/// the drawn line make several small best places there; together they are one place with a wider doubt.
+fn same(a: &Fit, b: &Fit, ahead: Vector2<f64>) -> bool {
     let (metres, angle) = apart(&a.pose, &b.pose);
-    if angle > SAME_RAD.max(2.0 * a.covariance[(2, 2)].max(0.0).sqrt()) {
-        return false;
-    }
+    let (s, c) = a.pose.z.sin_cos();
+    let way = Vector2::new(c * ahead.x - s * ahead.y, s * ahead.x + c * ahead.y);
     let d = (a.pose - b.pose).xy();
-    let within = |f: &Fit| {
-        let p = f.covariance.fixed_view::<2, 2>(0, 0).into_owned();
-        p.try_inverse().is_some_and(|q| d.dot(&(q * d)) < 9.0)
-    };
-    metres < SAME_M || within(a) || within(b)
+    let across = way.perp(&d).abs();
+    angle < SAME_RAD && metres < SAME_M && across < 3.0 + 0.2 * metres
 }
 
 /// Joins fits that are one answer, and weighs the answers.
-fn rivals(mut fits: Vec<Fit>) -> Vec<Candidate> {
+fn rivals(mut fits: Vec<Fit>, path: &Path) -> Vec<Candidate> {
     fits.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
     let best = fits.first().map_or(0.0, |f| f.log_weight);
     let mut groups: Vec<Vec<Fit>> = Vec::new();
     for fit in fits {
-        if let Some(group) = groups.iter_mut().find(|g| same(&g[0], &fit)) {
+        if let Some(group) = groups.iter_mut().find(|g| same(&g[0], &fit, path.ahead[0])) {
             let twin = |f: &Fit| {
                 let (metres, angle) = apart(&f.pose, &fit.pose);
                 metres < 0.3 && angle < 0.1 * RAD
@@ -250,20 +247,31 @@ fn rivals(mut fits: Vec<Fit>) -> Vec<Candidate> {
         .collect()
 }
 
-/// The best fit of a group, with the group's spread about it in its covariance.
+/// The mean of a group, with the group's spread about it in its covariance.
 fn joined(group: &[Fit]) -> Fit {
     let mut fit = group[0].clone();
-    let best = fit.log_weight;
-    let mut spread = Matrix3::zeros();
-    let mut sum = 0.0;
-    for other in group {
-        let weight = (other.log_weight - best).exp();
-        let mut d = other.pose - fit.pose;
+    let weights: Vec<f64> = group
+        .iter()
+        .map(|f| (TRUST * (f.log_weight - fit.log_weight)).exp())
+        .collect();
+    let sum: f64 = weights.iter().sum();
+    let away = |other: &Fit| {
+        let mut d = other.pose - group[0].pose;
         d.z = d.z.sin().atan2(d.z.cos());
-        spread += (other.covariance + d * d.transpose()) * weight;
-        sum += weight;
-    }
-    fit.covariance = spread / sum;
+        d
+    };
+    let mean = group
+        .iter()
+        .zip(&weights)
+        .fold(Vector3::zeros(), |m, (f, w)| m + away(f) * (w / sum));
+    fit.covariance = group
+        .iter()
+        .zip(&weights)
+        .fold(Matrix3::zeros(), |p, (f, w)| {
+            let d = away(f) - mean;
+            p + (f.covariance + d * d.transpose()) * (w / sum)
+        });
+    fit.pose += mean;
     fit
 }
 
