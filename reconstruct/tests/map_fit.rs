@@ -21,6 +21,7 @@ fn rate() {
     let mut spent = 0.0;
     for class in Class::CRASHES {
         for seed in 1..=12_u64 {
+ if let Ok(d) = std::env::var("DBG") { if d != format!("{class} {seed}") { continue; } }
             let (sim, record) = support::crash(class, seed);
             let r = reconstruct(&record, &Options::default()).unwrap();
             let Some(path) = Path::sample(&r.states, r.impacts.first().map_or(1e9, |i| i.t_s.value)) else { println!("{class} {seed} short"); continue };
@@ -40,6 +41,13 @@ fn rate() {
             let plane = TangentPlane::at(&pose(59.9, 10.7));
             let net = Network::near(&on_earth(&lines, &plane), plane, 1500.0, Traffic::Right).unwrap();
             let prior = Prior { place: Matrix2::identity() * 900.0, heading: None };
+            if std::env::var("DBG").is_ok() {
+                for (dx, dh) in [(0.0, 0.0), (10.0, 0.02), (-20.0, 0.03), (20.0, -0.04)] {
+                    let g = nalgebra::Vector3::new(rest.x + dx * heading.cos(), rest.y + dx * heading.sin(), heading + dh);
+                    match reconstruct::map::align::refine(&path, &net, &prior, g) { None => println!("truth {dx}: none"),
+                    Some(f) => println!("truth {dx}: off {:.1} chi {:.2} on {}/{} lw {:.1}", (f.pose.xy() - rest).norm(), f.chi_square, f.on_road, f.points, f.log_weight) }
+                }
+            }
             let c0 = std::time::Instant::now();
             let out = search(&path, &net, &prior);
             spent += c0.elapsed().as_secs_f64();

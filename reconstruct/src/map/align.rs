@@ -23,7 +23,10 @@ const OUTLIER: f64 = 2.5;
 const GATE_M: f64 = 15.0;
 /// Steps of one stage, and for all points; the last ones settle.
 const STEPS: usize = 5;
-const LAST_STEPS: usize = 40;
+const LAST_STEPS: usize = 15;
+/// A polished fit farther than this from the one before, or this much less likely, is not believed.
+const POLISH_M: f64 = 30.0;
+const POLISH_COST: f64 = 3.0;
 /// What an outlier costs besides its width, in units of log probability: about one point in twenty is one.
 const OUTLIER_COST: f64 = 3.0;
 /// What a point on no road costs: as an outlier of the gate's width.
@@ -42,7 +45,7 @@ pub struct Prior {
 }
 
 /// A move that fits as well as any near it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     /// North, east of the rough point (m) and heading (rad) of the car at rest.
     pub pose: Vector3<f64>,
@@ -71,6 +74,7 @@ struct Seen {
     extra: f64,
 }
 
+#[derive(Clone, Debug)]
 struct State {
     pose: Vector3<f64>,
     /// Minus the error of each point, path axes.
@@ -83,12 +87,20 @@ struct Solved {
     cross: Vec<nalgebra::Matrix3x2<f64>>,
     log_det: f64,
     chi_square: f64,
-    penalty: f64,
+}
+
+/// A fit, and what the last steps start from.
+#[derive(Clone, Debug)]
+pub struct Held {
+    /// The fit.
+    pub fit: Fit,
+    about: f64,
+    state: State,
 }
 
 /// Refines a guess of the pose; `None` if the path does not hold on to a road there.
 #[must_use]
-pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>) -> Option<Fit> {
+pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>) -> Option<Held> {
     let all = path.len();
     let mut state = State {
         pose: guess,
@@ -103,7 +115,7 @@ pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>
                 return None;
             }
             let before = state.pose;
-            state = solve(path, prior, guess.z, state, &seen, false)?.state;
+            state = solve(path, prior, guess.z, state, &seen, Slope::Drawn)?.state;
             let moved = state.pose - before;
             if step > 1 && moved.xy().norm() < 0.02 && moved.z.abs() < 1e-5 {
                 break;
@@ -117,9 +129,67 @@ pub fn refine(path: &Path, network: &Network, prior: &Prior, guess: Vector3<f64>
             return None;
         }
     }
-    let seen = look(path, network, &state, all);
-    let solved = solve(path, prior, guess.z, state, &seen, true)?;
-    Some(finish(&solved, &seen, all))
+    let fit = settle(path, network, prior, guess.z, &state)?;
+    Some(Held {
+        fit,
+        about: guess.z,
+        state,
+    })
+}
+
+/// The last steps of a fit.
+#[must_use]
+pub fn polished(path: &Path, network: &Network, prior: &Prior, held: Held) -> Fit {
+    let drawn = held.fit;
+    polish(path, network, prior, held.about, held.state)
+        .filter(|p| {
+            let d = p.pose - drawn.pose;
+            d.xy().norm() < POLISH_M && p.log_weight > drawn.log_weight - POLISH_COST
+        })
+        .unwrap_or(drawn)
+}
+
+/// Steps with the smooth slope only: out of the small hollows that the jitter of the drawn line makes. It may
+/// run away, so it counts only where it ends near and fits as well.
+fn polish(path: &Path, network: &Network, prior: &Prior, about: f64, state: State) -> Option<Fit> {
+    let mut state = state;
+    for _ in 0..LAST_STEPS {
+        let seen = look(path, network, &state, path.len());
+        let before = state.pose;
+        state = solve(path, prior, about, state, &seen, Slope::Bent)?.state;
+        let moved = state.pose - before;
+        if moved.xy().norm() < 0.05 && moved.z.abs() < 1e-4 {
+            break;
+        }
+    }
+    settle(path, network, prior, about, &state)
+}
+
+/// What is known at the end of the steps.
+fn settle(
+    path: &Path,
+    network: &Network,
+    prior: &Prior,
+    about: f64,
+    state: &State,
+) -> Option<Fit> {
+    let seen = look(path, network, state, path.len());
+    if seen.len() < 3 {
+        return None;
+    }
+    let solved = solve(path, prior, about, state.clone(), &seen, Slope::End)?;
+    Some(finish(&solved, &seen, path.len()))
+}
+
+/// Which direction the rows lie across, and whether the state moves.
+#[derive(Clone, Copy, PartialEq)]
+enum Slope {
+    /// That of the drawn line: the true slope of the residuals.
+    Drawn,
+    /// That of the path as bent onto the road.
+    Bent,
+    /// The same, at the end: the state stays, covariances are made.
+    End,
 }
 
 fn turn(heading: f64) -> Matrix2<f64> {
@@ -130,6 +200,17 @@ fn turn(heading: f64) -> Matrix2<f64> {
 fn placed(path: &Path, state: &State, i: usize) -> Vector2<f64> {
     let shift = Vector2::new(state.shift[2 * i], state.shift[2 * i + 1]);
     state.pose.xy() + turn(state.pose.z) * (path.points[i] + shift)
+}
+
+/// Direction of travel at a point of the path as bent onto the road. It is smooth; the drawn line's own
+/// direction jitters, and would seem to say where along the road the car was.
+fn bent(path: &Path, state: &State, i: usize) -> Vector2<f64> {
+    let shift = |k: usize| Vector2::new(state.shift[2 * k], state.shift[2 * k + 1]);
+    let (near, far) = (i.saturating_sub(1), (i + 1).min(path.len() - 1));
+    let chord = path.points[near] - path.points[far];
+    let moved = chord + shift(near) - shift(far);
+    let angle = chord.perp(&moved).atan2(chord.dot(&moved));
+    turn(angle) * path.ahead[i]
 }
 
 fn look(path: &Path, network: &Network, state: &State, used: usize) -> Vec<Seen> {
@@ -157,8 +238,9 @@ fn solve(
     about: f64,
     state: State,
     seen: &[Seen],
-    last: bool,
+    slope: Slope,
 ) -> Option<Solved> {
+    let last = slope == Slope::End;
     let n = seen.len();
     let rotation = turn(state.pose.z);
     let turned = turn(state.pose.z + std::f64::consts::FRAC_PI_2);
@@ -168,10 +250,13 @@ fn solve(
         .map(|s| {
             let i = s.point;
             let shift = Vector2::new(state.shift[2 * i], state.shift[2 * i + 1]);
-            // Across the path, which is smooth; the drawn line's own direction jitters, and would seem to say
-            // where along the road the car was.
-            let ahead = rotation * path.ahead[i];
-            let right = Vector2::new(-ahead.y, ahead.x);
+            // On the way down the slope is the drawn line's own; what is known in the end is not.
+            let right = if slope != Slope::Drawn {
+                let ahead = rotation * bent(path, &state, i);
+                Vector2::new(-ahead.y, ahead.x)
+            } else {
+                s.found.right
+            };
             let lever = right.dot(&(turned * (path.points[i] + shift)));
             (
                 Vector3::new(right.x, right.y, lever),
@@ -223,10 +308,18 @@ fn solve(
         }
     }
     let gained = cholesky.solve(&on_pose.transpose());
-    let pose: Vector3<f64> = mean + fixed3(&(&on_pose * &weighted));
+    let pose = if last {
+        state.pose
+    } else {
+        mean + fixed3(&(&on_pose * &weighted))
+    };
     let reduced = &on_pose * &gained;
     let covariance = p - Matrix3::from_fn(|r, c| reduced[(r, c)]);
-    let shift = &on_shift * &weighted;
+    let shift = if last {
+        state.shift
+    } else {
+        &on_shift * &weighted
+    };
     // Shift is minus the error of the path.
     let with_shift = if last {
         &on_shift * &gained
@@ -244,7 +337,6 @@ fn solve(
         cross,
         log_det,
         chi_square: residual.dot(&weighted),
-        penalty: 0.0,
     })
 }
 
@@ -258,8 +350,7 @@ fn finish(solved: &Solved, seen: &[Seen], all: usize) -> Fit {
     let real = schema::num::real;
     let cost = OUTLIER_COST * real(outliers)
         + UNMATCHED_COST * real(all - seen.len())
-        + WRONG_WAY_COST * real(against) / real(all)
-        + solved.penalty;
+        + WRONG_WAY_COST * real(against) / real(all);
     let mut roads = vec![None; all];
     for s in seen {
         roads[s.point] = Some(s.found.road);

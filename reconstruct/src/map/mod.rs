@@ -8,11 +8,13 @@
 //! 3. [`drift`]: points along the path, and how their errors hang together.
 //! 4. [`align`]: the best move from one guess, by Gauss-Newton, with its covariance and its evidence.
 //! 5. [`search`]: guesses over the whole circle and all roads near; rivals and their probabilities.
+//! 6. [`place`]: the whole of it, with a second run on the heading found.
 
 pub mod align;
 pub mod drift;
 pub(crate) mod geojson;
 pub mod network;
 pub(crate) mod osm;
+pub mod place;
 pub mod roads;
 pub mod search;

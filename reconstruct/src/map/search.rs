@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 use schema::num;
 
-use crate::map::align::{self, Fit, Prior};
+use crate::map::align::{self, Fit, Held, Prior};
 use crate::map::drift::Path;
 use crate::map::network::{Network, Piece};
 
@@ -16,7 +16,10 @@ const RAD: f64 = std::f64::consts::PI / 180.0;
 /// Points of the path nearest to rest that the first look takes.
 const FIRST_LOOK: usize = 9;
 /// Guesses kept after the first and the second look.
-const KEPT: [usize; 2] = [600, 120];
+const KEPT: [usize; 2] = [300, 60];
+/// Fits that get the last steps, and the loss of log probability from which on one gets none.
+const POLISHED: usize = 32;
+const HOPELESS: f64 = 15.0;
 /// Guesses are looked at no more than this; a denser map than that is thinned.
 const MAX_GUESSES: usize = 20_000;
 /// Squared sigmas that one point can cost in a look.
@@ -31,8 +34,8 @@ pub const AMBIGUOUS: f64 = 0.05;
 /// Errors of the map that the model does not know make likelihoods too sure: their logarithm counts so much.
 const TRUST: f64 = 0.6;
 /// Share of the path that must lie on roads, and the largest chi-square a point.
-const ON_ROAD: f64 = 0.75;
-const CHI_SQUARE: f64 = 2.0;
+const ON_ROAD: f64 = 0.9;
+const CHI_SQUARE: f64 = 1.5;
 /// A place less sure than this along the road is the rough point's, not the map's, m.
 const LOOSE_M: f64 = 10.0;
 
@@ -71,9 +74,17 @@ pub struct Outcome {
 #[must_use]
 pub fn search(path: &Path, network: &Network, prior: &Prior) -> Outcome {
     let guesses = guesses(path, network, prior);
-    let fits: Vec<Fit> = guesses
+    let mut held: Vec<Held> = guesses
         .iter()
         .filter_map(|guess| align::refine(path, network, prior, *guess))
+        .collect();
+    held.sort_by(|a, b| b.fit.log_weight.total_cmp(&a.fit.log_weight));
+    let best = held.first().map_or(0.0, |h| h.fit.log_weight);
+    held.retain(|h| h.fit.log_weight > best - HOPELESS);
+    held.truncate(POLISHED);
+    let fits: Vec<Fit> = held
+        .into_iter()
+        .map(|h| align::polished(path, network, prior, h))
         .collect();
     let candidates = rivals(fits, path);
     judge(candidates, prior, path)
@@ -108,7 +119,7 @@ fn guesses(path: &Path, network: &Network, prior: &Prior) -> Vec<Vector3<f64>> {
     }
     first.sort_by(|a, b| a.0.total_cmp(&b.0));
     first.truncate(KEPT[0]);
-    let every: Vec<usize> = (0..path.len()).collect();
+    let every: Vec<usize> = (0..path.len()).step_by(2).collect();
     let mut second: Vec<Guess> = first
         .iter()
         .map(|(_, pose)| sharpened(path, network, pose, &every))
