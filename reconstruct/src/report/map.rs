@@ -47,7 +47,7 @@ fn sentences(p: &Placing, confidence: f64) -> Vec<String> {
             let e = map_json::ellipse(best, confidence);
             let half = crate::stats::two_sided_quantile(confidence) * best.pose.sd_deg;
             out.push(format!(
-                "One place fits: the car came to rest at {}, within an ellipse of {} m by {} m, heading {}\u{b0} \
+                "One place fits: the car came to rest at {}, within an ellipse of half axes {} m and {} m, heading {}\u{b0} \
                  \u{b1} {}\u{b0} clockwise from true north, both with {} confidence{}. {} of {} points of the path \
                  lie on a road. Latitude and heading were used for the terms of the Earth's rotation, and the path \
                  was computed and laid once more.",
@@ -107,7 +107,7 @@ fn answers(p: &Placing, confidence: f64) -> String {
             &name,
             &[
                 place(a.pose.latitude_deg, a.pose.longitude_deg, 5),
-                format!("{} m by {} m", number_of(e.semi_major), number_of(e.semi_minor)),
+                format!("{} m and {} m", number_of(e.semi_major), number_of(e.semi_minor)),
                 format!(
                     "{}\u{b0} \u{b1} {}\u{b0}",
                     signed(a.pose.heading_deg, 1),
@@ -118,7 +118,7 @@ fn answers(p: &Placing, confidence: f64) -> String {
             ],
         );
     }
-    let ellipse = format!("{} ellipse", number::percent(confidence));
+    let ellipse = format!("{} ellipse, half axes", number::percent(confidence));
     table(
         "places",
         &[
