@@ -16,7 +16,9 @@ const RAD: f64 = std::f64::consts::PI / 180.0;
 /// Points of the path nearest to rest that the first look takes.
 const FIRST_LOOK: usize = 9;
 /// Guesses kept after the first and the second look.
-const KEPT: [usize; 2] = [300, 60];
+const KEPT: [usize; 2] = [320, 72];
+/// Guesses with headings within this share a quarter of the list, rad.
+const SECTOR: f64 = 15.0 * RAD;
 /// Fits that get the last steps, and the loss of log probability from which on one gets none.
 const POLISHED: usize = 32;
 const HOPELESS: f64 = 15.0;
@@ -81,8 +83,17 @@ pub fn search(path: &Path, network: &Network, prior: &Prior) -> Outcome {
     held.sort_by(|a, b| b.fit.log_weight.total_cmp(&a.fit.log_weight));
     let best = held.first().map_or(0.0, |h| h.fit.log_weight);
     held.retain(|h| h.fit.log_weight > best - HOPELESS);
-    held.truncate(POLISHED);
-    let fits: Vec<Fit> = held
+    let mut distinct: Vec<Held> = Vec::new();
+    for h in held {
+        let twin = |other: &Held| {
+            let (metres, angle) = apart(&other.fit.pose, &h.fit.pose);
+            metres < 1.0 && angle < 0.3 * RAD
+        };
+        if distinct.len() < POLISHED && !distinct.iter().any(twin) {
+            distinct.push(h);
+        }
+    }
+    let fits: Vec<Fit> = distinct
         .into_iter()
         .map(|h| align::polished(path, network, prior, h))
         .collect();
@@ -117,19 +128,34 @@ fn guesses(path: &Path, network: &Network, prior: &Prior) -> Vec<Vector3<f64>> {
             }
         }
     }
-    first.sort_by(|a, b| a.0.total_cmp(&b.0));
-    first.truncate(KEPT[0]);
+    let first = fairest(first, KEPT[0], 3.0);
     let every: Vec<usize> = (0..path.len()).step_by(2).collect();
-    let mut second: Vec<Guess> = first
+    let second: Vec<Guess> = first
         .iter()
         .map(|(_, pose)| sharpened(path, network, pose, &every))
         .collect();
-    second.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut kept: Vec<Vector3<f64>> = Vec::new();
-    for (_, pose) in second {
-        let fresh = kept.iter().all(|k| apart(k, &pose).0 > 4.0 || apart(k, &pose).1 > SAME_RAD);
-        if fresh && kept.len() < KEPT[1] {
-            kept.push(pose);
+    fairest(second, KEPT[1], 6.0)
+        .into_iter()
+        .map(|(_, pose)| pose)
+        .collect()
+}
+
+/// The best guesses, `apart_m` from each other, no more than a quarter of them in one sector of headings: a
+/// long straight road would else fill the list with one of its two directions.
+fn fairest(mut guesses: Vec<Guess>, count: usize, apart_m: f64) -> Vec<Guess> {
+    guesses.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut kept: Vec<Guess> = Vec::with_capacity(count);
+    for (cost, pose) in guesses {
+        if kept.len() >= count {
+            break;
+        }
+        let near = |k: &&Guess| apart(&k.1, &pose).1 < SECTOR;
+        let fresh = kept
+            .iter()
+            .map(|k| apart(&k.1, &pose))
+            .all(|(metres, angle)| metres > apart_m || angle > SAME_RAD);
+        if fresh && kept.iter().filter(near).count() * 4 < count {
+            kept.push((cost, pose));
         }
     }
     kept
