@@ -38,7 +38,12 @@ pub(crate) struct Args {
     #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
     rest_pose: Option<RestPose>,
     /// Road map to lay the path on: GeoJSON, or OpenStreetMap XML (.osm); needs --rest-point
-    #[arg(long, value_name = "FILE", requires = "rest_point", conflicts_with = "rest_pose")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "rest_point",
+        conflicts_with = "rest_pose"
+    )]
     map: Option<PathBuf>,
     /// Rough place
     #[arg(help = "Roughly where the car came to rest: LAT,LON[,SD_M], WGS 84; sd 30 m if not given", long, allow_hyphen_values = true, value_name = "LAT,LON[,SD_M]", value_parser = rest_point, requires = "map")]

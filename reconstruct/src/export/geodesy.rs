@@ -58,10 +58,7 @@ impl TangentPlane {
         let point = earth_centred(latitude_deg.to_radians(), longitude_deg.to_radians());
         let [x, y, z] = [0, 1, 2].map(|i| point[i] - self.origin[i]);
         let outward = cos_lon * x + sin_lon * y;
-        [
-            cos_lat * z - sin_lat * outward,
-            cos_lon * y - sin_lon * x,
-        ]
+        [cos_lat * z - sin_lat * outward, cos_lon * y - sin_lon * x]
     }
 }
 

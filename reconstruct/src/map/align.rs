@@ -166,13 +166,7 @@ fn polish(path: &Path, network: &Network, prior: &Prior, about: f64, state: Stat
 }
 
 /// What is known at the end of the steps.
-fn settle(
-    path: &Path,
-    network: &Network,
-    prior: &Prior,
-    about: f64,
-    state: &State,
-) -> Option<Fit> {
+fn settle(path: &Path, network: &Network, prior: &Prior, about: f64, state: &State) -> Option<Fit> {
     let seen = look(path, network, state, path.len());
     if seen.len() < 3 {
         return None;
@@ -232,6 +226,35 @@ fn look(path: &Path, network: &Network, state: &State, used: usize) -> Vec<Seen>
         .collect()
 }
 
+/// Rows of the measurements: on north, east, heading; and on the shift of the row's own point.
+fn rows(
+    path: &Path,
+    state: &State,
+    seen: &[Seen],
+    slope: Slope,
+) -> Vec<(Vector3<f64>, Vector2<f64>)> {
+    let rotation = turn(state.pose.z);
+    let turned = turn(state.pose.z + std::f64::consts::FRAC_PI_2);
+    seen.iter()
+        .map(|s| {
+            let i = s.point;
+            let shift = Vector2::new(state.shift[2 * i], state.shift[2 * i + 1]);
+            // On the way down the slope is the drawn line's own; what is known in the end is not.
+            let right = if slope == Slope::Drawn {
+                s.found.right
+            } else {
+                let ahead = rotation * bent(path, state, i);
+                Vector2::new(-ahead.y, ahead.x)
+            };
+            let lever = right.dot(&(turned * (path.points[i] + shift)));
+            (
+                Vector3::new(right.x, right.y, lever),
+                rotation.transpose() * right,
+            )
+        })
+        .collect()
+}
+
 fn solve(
     path: &Path,
     prior: &Prior,
@@ -242,31 +265,12 @@ fn solve(
 ) -> Option<Solved> {
     let last = slope == Slope::End;
     let n = seen.len();
-    let rotation = turn(state.pose.z);
-    let turned = turn(state.pose.z + std::f64::consts::FRAC_PI_2);
-    // Rows: on north, east, heading; and on the shift of the row's own point.
-    let rows: Vec<(Vector3<f64>, Vector2<f64>)> = seen
-        .iter()
-        .map(|s| {
-            let i = s.point;
-            let shift = Vector2::new(state.shift[2 * i], state.shift[2 * i + 1]);
-            // On the way down the slope is the drawn line's own; what is known in the end is not.
-            let right = if slope != Slope::Drawn {
-                let ahead = rotation * bent(path, &state, i);
-                Vector2::new(-ahead.y, ahead.x)
-            } else {
-                s.found.right
-            };
-            let lever = right.dot(&(turned * (path.points[i] + shift)));
-            (
-                Vector3::new(right.x, right.y, lever),
-                rotation.transpose() * right,
-            )
-        })
-        .collect();
+    let rows = rows(path, &state, seen, slope);
     let mut p = Matrix3::zeros();
     p.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior.place);
-    let (heading, sd) = prior.heading.map_or((about, 3.0), |(h, sd)| (h, sd.max(1e-4)));
+    let (heading, sd) = prior
+        .heading
+        .map_or((about, 3.0), |(h, sd)| (h, sd.max(1e-4)));
     p[(2, 2)] = sd * sd;
     let away = state.pose.z - heading;
     let mean_heading = heading + std::f64::consts::TAU * (away / std::f64::consts::TAU).round();
@@ -293,7 +297,13 @@ fn solve(
         seen[a].found.offset - seen[a].found.lateral + x.dot(&(state.pose - mean)) + u.dot(&shift)
     });
     let cholesky = s.cholesky()?;
-    let log_det = 2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+    let log_det = 2.0
+        * cholesky
+            .l_dirty()
+            .diagonal()
+            .iter()
+            .map(|d| d.ln())
+            .sum::<f64>();
     let weighted = cholesky.solve(&residual);
     // Columns of P0 H': on the pose and on the shifts.
     let on_pose = DMatrix::from_fn(3, n, |r, a| (p * rows[a].0)[r]);

@@ -168,9 +168,7 @@ fn joint(chosen: &[&State], points: &[Vector2<f64>]) -> DMatrix<f64> {
             if i > 0 {
                 sum += steps[i - 1] * by_step[i - 1];
             }
-            model
-                .fixed_view_mut::<2, 2>(2 * i, 2 * j)
-                .copy_from(&sum);
+            model.fixed_view_mut::<2, 2>(2 * i, 2 * j).copy_from(&sum);
         }
     }
     let scale: Vec<Matrix2<f64>> = (0..n)

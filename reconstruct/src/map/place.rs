@@ -128,7 +128,10 @@ pub fn place(r: &Reconstruction, job: &Job) -> Result<Placing, ReconstructError>
     let until = r.impacts.first().map_or(f64::INFINITY, |i| i.t_s.value);
     let path = Path::sample(&r.states, until);
     let reach = path.as_ref().map_or(0.0, |p| {
-        p.points.iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max)
+        p.points
+            .iter()
+            .map(nalgebra::Matrix::norm)
+            .fold(0.0, f64::max)
     }) + 4.0 * job.point.sd_m
         + 150.0;
     let network = Network::near(&job.roads.lines, plane, reach, job.traffic).map_err(|what| {
@@ -256,9 +259,8 @@ pub fn lay(r: &mut Reconstruction) {
         let own = rotation * own * rotation.transpose();
         // Estimate less truth: d(place) + lever d(heading) + R e, with d and e against each other.
         let turned = lever * shared.row(2);
-        let relative = own + lever * lever.transpose() * fit.covariance[(2, 2)]
-            - turned
-            - turned.transpose();
+        let relative =
+            own + lever * lever.transpose() * fit.covariance[(2, 2)] - turned - turned.transpose();
         let with_turn = fit.covariance.fixed_view::<2, 1>(0, 2) * lever.transpose();
         let moved = shared.fixed_view::<2, 2>(0, 0);
         let earth = fit.covariance.fixed_view::<2, 2>(0, 0) + with_turn + with_turn.transpose()

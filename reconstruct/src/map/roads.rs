@@ -166,6 +166,16 @@ fn shortened(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).take(80).collect()
 }
 
+/// Whether two lines are the same to rounding.
+#[cfg(test)]
+pub(crate) fn near(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
+    a.len() == b.len()
+        && a.iter()
+            .flatten()
+            .zip(b.iter().flatten())
+            .all(|(x, y)| (x - y).abs() < 1e-12)
+}
+
 #[cfg(test)]
 mod tests {
     use super::{OneWay, RoadLine, Roads, drivable, tag};

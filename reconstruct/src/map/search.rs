@@ -237,10 +237,7 @@ fn cost(path: &Path, network: &Network, pose: &Vector3<f64>, points: &[usize]) -
 /// Distance and angle between two poses.
 fn apart(a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, f64) {
     let turn = a.z - b.z;
-    (
-        (a.xy() - b.xy()).norm(),
-        turn.sin().atan2(turn.cos()).abs(),
-    )
+    ((a.xy() - b.xy()).norm(), turn.sin().atan2(turn.cos()).abs())
 }
 
 /// Whether two fits are one answer: beside each other along the same road, with the same heading. The errors of

@@ -37,7 +37,9 @@ fn sentences(p: &Placing, confidence: f64) -> Vec<String> {
         p.point.sd_m,
         p.heading.map_or_else(
             || " and no heading".to_owned(),
-            |[heading, sd]| format!(" and a rough heading of {heading:.0}\u{b0} (one sigma {sd:.0}\u{b0})")
+            |[heading, sd]| format!(
+                " and a rough heading of {heading:.0}\u{b0} (one sigma {sd:.0}\u{b0})"
+            )
         ),
         side(p.traffic)
     );
@@ -76,7 +78,11 @@ fn number_of(x: f64) -> String {
 }
 
 fn place(latitude: f64, longitude: f64, digits: usize) -> String {
-    format!("{}, {}", signed(latitude, digits), signed(longitude, digits))
+    format!(
+        "{}, {}",
+        signed(latitude, digits),
+        signed(longitude, digits)
+    )
 }
 
 fn on_roads(a: &Answer) -> String {
@@ -107,7 +113,11 @@ fn answers(p: &Placing, confidence: f64) -> String {
             &name,
             &[
                 place(a.pose.latitude_deg, a.pose.longitude_deg, 5),
-                format!("{} m and {} m", number_of(e.semi_major), number_of(e.semi_minor)),
+                format!(
+                    "{} m and {} m",
+                    number_of(e.semi_major),
+                    number_of(e.semi_minor)
+                ),
                 format!(
                     "{}\u{b0} \u{b1} {}\u{b0}",
                     signed(a.pose.heading_deg, 1),

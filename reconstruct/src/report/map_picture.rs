@@ -78,7 +78,11 @@ pub(crate) fn picture(r: &Reconstruction, p: &Placing) -> String {
             );
         }
     }
-    for (i, a) in shown.iter().enumerate().filter(|_| p.verdict != Verdict::NoFit) {
+    for (i, a) in shown
+        .iter()
+        .enumerate()
+        .filter(|_| p.verdict != Verdict::NoFit)
+    {
         let colour = if i == 0 { "#24567f" } else { "#d55e00" };
         ring(
             &mut svg,
@@ -116,10 +120,7 @@ fn laid(r: &Reconstruction, a: &Answer, placed: bool) -> Vec<[f64; 2]> {
     ellipse::thinned(&r.states, 10)
         .map(|state| {
             let [n, e, _] = state.position;
-            [
-                a.fit.pose.x + c * n - s * e,
-                a.fit.pose.y + s * n + c * e,
-            ]
+            [a.fit.pose.x + c * n - s * e, a.fit.pose.y + s * n + c * e]
         })
         .collect()
 }
@@ -235,7 +236,11 @@ fn marks(svg: &mut Svg, frame: &Frame) {
     );
     let text = format!("{} m", signed(metres, step_decimals(metres)));
     svg.text([x + 0.5 * length, y - 9.0], 15.0, Anchor::Middle, "", &text);
-    svg.rect([8.0, 8.0], [74.0, 36.0], "fill=\"#fff\" fill-opacity=\"0.86\"");
+    svg.rect(
+        [8.0, 8.0],
+        [74.0, 36.0],
+        "fill=\"#fff\" fill-opacity=\"0.86\"",
+    );
     svg.line(
         [20.0, 40.0],
         [20.0, 20.0],
