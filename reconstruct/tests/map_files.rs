@@ -2,6 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 mod support;
+#[allow(dead_code, reason = "shared with the tests of the fit")]
+#[path = "support/world.rs"]
+mod world;
 
 use std::path::{Path, PathBuf};
 
@@ -158,4 +161,77 @@ fn the_command_line_says_what_is_wrong_and_writes_the_block() {
     assert!(out.join("funnel.local.json").is_file());
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("Where on the map") && page.contains("map.osm"));
+}
+
+/// A place that is found: on the earth in every file, and the same bytes again.
+#[test]
+fn a_placed_path_stands_on_the_earth_in_every_file() {
+    let dir = folder("map-placed");
+    let (simulated, record) = crash(Class::Rear, 5);
+    let path = dir.join("crash.svb");
+    std::fs::write(&path, record.to_bytes().unwrap()).unwrap();
+    let mut draw = world::Draw::new(1);
+    let road = world::centre_line(&world::driven(&simulated), 1.9, 0.7, &mut draw);
+    let turned = world::moved(&road, 2.0, nalgebra::Vector2::new(11.0, -8.0));
+    let plane = reconstruct::export::geodesy::TangentPlane::at(&world::pose(-33.86, 151.2));
+    let line = &world::on_earth(&[turned], &plane)[0].line;
+    let points: Vec<[f64; 2]> = line.iter().map(|p| [p[1], p[0]]).collect();
+    let map = dir.join("road.json");
+    let geometry = serde_json::json!({"type": "LineString", "coordinates": points});
+    let feature = serde_json::json!({"type": "Feature", "properties": {"name": "<b>Rd"}, "geometry": geometry});
+    std::fs::write(&map, feature.to_string()).unwrap();
+    let run = |name: &str| {
+        let out = dir.join(name);
+        let place = "--rest-point=-33.86,151.2,25";
+        let result = reconstruct(&[
+            "run",
+            text(&path),
+            "--out",
+            text(&out),
+            "--map",
+            text(&map),
+            place,
+            "--rest-heading=115,30",
+        ]);
+        assert!(
+            matches!(result.status.code(), Some(0 | 3)),
+            "{}",
+            stderr(&result)
+        );
+        assert!(
+            stdout(&result).contains("On the map"),
+            "{}",
+            stdout(&result)
+        );
+        assert!(stdout(&result).lines().count() <= 24);
+        out
+    };
+    let out = run("a");
+    let schema: Value = serde_json::from_str(&stdout(&reconstruct(&["schema"]))).unwrap();
+    let file = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    let summary: Value = serde_json::from_str(&file).unwrap();
+    assert_eq!(violations(&schema, &summary), Vec::<String>::new());
+    let map = &summary["map"];
+    assert_eq!(map["verdict"], "placed", "{map}");
+    let number = |name: &str| map["fit"][name].as_f64().unwrap();
+    let truth = 2.0_f64.to_degrees();
+    assert!((number("heading_deg") - truth).abs() < 3.0, "{map}");
+    assert!(number("heading_low_deg") < number("heading_high_deg"));
+    let [north, east] = plane.north_east(number("latitude_deg"), number("longitude_deg"));
+    assert!((north - 11.0).hypot(east + 8.0) < 15.0, "{north} {east}");
+    let pose = &summary["rest"]["pose"]["heading_deg"];
+    assert!((pose.as_f64().unwrap() - number("heading_deg")).abs() < 1e-6);
+    assert!(out.join("funnel.geojson").is_file());
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("&lt;b&gt;Rd") && !page.contains("<b>Rd"));
+    let again = run("b");
+    for name in [
+        "summary.json",
+        "funnel.geojson",
+        "report.html",
+        "trajectory.csv",
+    ] {
+        let bytes = |dir: &Path| std::fs::read(dir.join(name)).unwrap();
+        assert_eq!(bytes(&out), bytes(&again), "{name}");
+    }
 }

@@ -3,7 +3,7 @@
 //! Unknown are the place of rest (north, east), the heading at rest and the drift of every point of the path
 //! ([`crate::map::drift`]). Each point that lies on a road says how far it is to the right of the centre line;
 //! it should be half a lane. The error of that is shared by all points (the car's place in its lane) and
-//! otherwise fades along the road ([`ROAD_FADE_M`]), so the road's information counts once a correlation length
+//! otherwise fades along the road (to 1/e over 40 m), so the road's information counts once a correlation length
 //! and not once a point.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};

@@ -6,6 +6,7 @@ use crate::map::search::Verdict;
 use crate::report::svg::{escape, signed};
 use crate::report::tables::{row, table};
 use crate::report::{map_json, map_picture, number};
+use crate::stats::two_sided_quantile;
 
 /// The section of the page; empty where no map was given.
 #[must_use]
@@ -28,6 +29,22 @@ pub fn section(r: &Reconstruction) -> String {
     out
 }
 
+/// One line for the screen, plain ASCII.
+pub(crate) fn line(p: &Placing, confidence: f64) -> String {
+    match (p.verdict, p.answers.first()) {
+        (Verdict::Placed, Some(best)) => format!(
+            "rest {:.5}, {:.5} (within {:.0} m), heading {:.1} +-{:.1} deg",
+            best.pose.latitude_deg,
+            best.pose.longitude_deg,
+            map_json::ellipse(best, confidence).semi_major,
+            best.pose.heading_deg,
+            two_sided_quantile(confidence) * best.pose.sd_deg
+        ),
+        (Verdict::Ambiguous, _) => "ambiguous: no place is claimed".to_owned(),
+        _ => "the path fits no road near the rest point".to_owned(),
+    }
+}
+
 fn sentences(p: &Placing, confidence: f64) -> Vec<String> {
     let rough = format!(
         "The path before the first impact was laid on the road lines of {}, from a rough place of rest {} (one sigma \
@@ -47,7 +64,7 @@ fn sentences(p: &Placing, confidence: f64) -> Vec<String> {
     match (p.verdict, p.answers.first()) {
         (Verdict::Placed, Some(best)) => {
             let e = map_json::ellipse(best, confidence);
-            let half = crate::stats::two_sided_quantile(confidence) * best.pose.sd_deg;
+            let half = two_sided_quantile(confidence) * best.pose.sd_deg;
             out.push(format!(
                 "One place fits: the car came to rest at {}, within an ellipse of half axes {} m and {} m, heading {}\u{b0} \
                  \u{b1} {}\u{b0} clockwise from true north, both with {} confidence{}. {} of {} points of the path \
@@ -121,7 +138,7 @@ fn answers(p: &Placing, confidence: f64) -> String {
                 format!(
                     "{}\u{b0} \u{b1} {}\u{b0}",
                     signed(a.pose.heading_deg, 1),
-                    number_of(crate::stats::two_sided_quantile(confidence) * a.pose.sd_deg)
+                    number_of(two_sided_quantile(confidence) * a.pose.sd_deg)
                 ),
                 probability,
                 format!("{} of {}", a.fit.on_road, a.fit.points),

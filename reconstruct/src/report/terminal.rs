@@ -115,6 +115,12 @@ fn findings(r: &Reconstruction, out: &mut Vec<String>) {
             _ => "not reached: the record ends moving".to_owned(),
         },
     ));
+    if let Some(placing) = &r.map {
+        out.push(item(
+            "On the map",
+            &crate::report::map::line(placing, r.confidence),
+        ));
+    }
 }
 
 fn limits(r: &Reconstruction, room: usize) -> Vec<String> {
