@@ -14,16 +14,16 @@ const SWEEP: f64 = 4.0 * RAD;
 const FINE: f64 = RAD;
 const RAD: f64 = std::f64::consts::PI / 180.0;
 /// Points of the path nearest to rest that the first look takes.
-const FIRST_LOOK: usize = 9;
+const FIRST_LOOK: usize = 14;
 /// Guesses kept after the first and the second look.
-const KEPT: [usize; 2] = [320, 72];
+const KEPT: [usize; 2] = [1500, 150];
 /// Guesses with headings within this share a quarter of the list, rad.
 const SECTOR: f64 = 15.0 * RAD;
 /// Fits that get the last steps, and the loss of log probability from which on one gets none.
 const POLISHED: usize = 32;
 const HOPELESS: f64 = 15.0;
 /// Guesses are looked at no more than this; a denser map than that is thinned.
-const MAX_GUESSES: usize = 20_000;
+const MAX_GUESSES: usize = 60_000;
 /// Squared sigmas that one point can cost in a look.
 const CAP: f64 = 9.0;
 /// Places along one road and headings closer than this are one answer.
@@ -330,7 +330,8 @@ fn judge(candidates: Vec<Candidate>, prior: &Prior, path: &Path) -> Outcome {
         return Outcome {
             verdict: Verdict::NoFit,
             why: vec![format!(
-                "The {:.0} m of path before the first impact fit no road of the map near the rest point{tried}.",
+                "No road of the map near the rest point was found that the {:.0} m of path before the first impact \
+                 fit{tried}.",
                 path.length_m
             )],
             candidates,
