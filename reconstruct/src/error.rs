@@ -47,6 +47,14 @@ pub enum ReconstructError {
         /// What is wrong with it.
         what: String,
     },
+    /// A map file could not be used.
+    #[error("map {file}: {what}")]
+    Map {
+        /// The file.
+        file: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// An innovation variance that is not a positive number.
     #[error("sample {index}: innovation variance expected positive, found {found}")]
     Innovation {

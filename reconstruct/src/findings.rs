@@ -4,6 +4,7 @@ use crate::findings::agreement::Comparison;
 use crate::findings::curve::{CurvePoint, Maximum};
 use crate::findings::details::Details;
 use crate::findings::pulse_times::PulseTimes;
+use crate::map::place::Placing;
 use crate::trajectory::State;
 
 pub mod agreement;
@@ -295,6 +296,8 @@ pub struct Reconstruction {
     pub clipped_samples: u64,
     /// Rest pose if one was given: latitude, longitude, heading (degrees), sd (m, deg).
     pub rest_pose: Option<RestPose>,
+    /// What became of laying the path on a map, if that was asked for.
+    pub map: Option<Box<Placing>>,
     /// What this result cannot tell: sentences, the weightiest first.
     pub limits: Vec<String>,
     /// True if the result has gaps (exit code 3).

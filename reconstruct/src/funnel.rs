@@ -99,6 +99,7 @@ fn state(source: &Source<'_>, snapshot: &Snapshot, k: usize, road_use: &mut Road
             rate_noise / epoch.dt + (0.01 * imu.rate_bias).powi(2) + imu.rate_vibration.powi(2),
         ),
         wheels_used: snapshot.wheels_used,
+        on_earth: None,
         bridged: *measured != [true; 6] || epoch.clipped.iter().any(|c| *c != 0.0),
     }
 }

@@ -15,6 +15,7 @@ pub mod findings;
 pub mod frame;
 pub mod funnel;
 pub mod kalman;
+pub mod map;
 pub mod matrix;
 pub mod mechanize;
 pub mod motion;

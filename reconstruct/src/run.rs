@@ -15,7 +15,7 @@ use crate::findings::{
     limits,
 };
 use crate::funnel::{self, Source};
-use crate::mechanize::Earth;
+use crate::mechanize::{Earth, gravity};
 use crate::motion::Motion;
 use crate::published;
 use crate::refined;
@@ -79,6 +79,8 @@ pub struct Options {
     pub road: Road,
     /// Rest pose measured at the scene.
     pub rest_pose: Option<RestPose>,
+    /// Latitude where no rest pose is known, degrees: it gives gravity.
+    pub latitude_deg: Option<f64>,
     /// Confidence of every bound, in (0, 1).
     pub confidence: f64,
     /// Start of the window, seconds from the trigger.
@@ -101,6 +103,7 @@ impl Default for Options {
             model: Model::Refined,
             road: Road::H1,
             rest_pose: None,
+            latitude_deg: None,
             confidence: 0.95,
             from_s: None,
             to_s: None,
@@ -190,12 +193,17 @@ pub fn from_epochs(
 ) -> Result<Reconstruction, ReconstructError> {
     options.check()?;
     let (from, to) = window(epochs, options)?;
-    let earth = options.rest_pose.map_or_else(Earth::flat, |pose| {
-        Earth::at(
+    let earth = match (options.rest_pose, options.latitude_deg) {
+        (Some(pose), _) => Earth::at(
             pose.latitude_deg.to_radians(),
             pose.heading_deg.to_radians(),
-        )
-    });
+        ),
+        (None, Some(latitude_deg)) => Earth {
+            gravity: gravity(latitude_deg.to_radians()),
+            ..Earth::flat()
+        },
+        (None, None) => Earth::flat(),
+    };
     let rest = rest::find(epochs, earth.gravity);
     let start = if rest.found() {
         start::at_rest(epochs, &rest, &earth)
@@ -281,6 +289,7 @@ pub fn from_epochs(
         missing_samples: missing,
         clipped_samples: count(|e| e.clipped.iter().any(|c| *c != 0.0)),
         rest_pose: options.rest_pose,
+        map: None,
         limits: Vec::new(),
         gaps: missing > 0
             || limits::wheel_gaps(epochs).0 > 0

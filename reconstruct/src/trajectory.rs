@@ -48,6 +48,9 @@ pub struct State {
     pub sd_accel: [f64; 2],
     /// One sigma of the yaw rate, rad/s.
     pub sd_yaw_rate: f64,
+    /// What the position's error on the earth has beyond that relative to the place of rest, where a fit to a
+    /// map says so: variance of north, of east, covariance, m^2. `None`: the variance of the rest pose.
+    pub on_earth: Option<[f64; 3]>,
     /// True where a wheel speed was used at this sample.
     pub wheels_used: bool,
     /// True where the sample was missing or clipped and was bridged with wide noise.

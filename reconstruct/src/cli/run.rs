@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use reconstruct::ReconstructError;
-use reconstruct::export::{compass, ellipse, funnel, trajectory};
+use reconstruct::export::{ellipse, funnel, trajectory};
 use reconstruct::findings::RestPose;
+use reconstruct::map::network::Traffic;
+use reconstruct::map::place::{self, Job, RestPoint};
+use reconstruct::map::roads::Roads;
 use reconstruct::report::pictures::Pictures;
 use reconstruct::report::{page, summary, terminal};
 use reconstruct::road::RoadLimits;
@@ -34,6 +37,23 @@ pub(crate) struct Args {
     /// Rest pose
     #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
     rest_pose: Option<RestPose>,
+    /// Road map to lay the path on: GeoJSON, or OpenStreetMap XML (.osm); needs --rest-point
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "rest_point",
+        conflicts_with = "rest_pose"
+    )]
+    map: Option<PathBuf>,
+    /// Rough place
+    #[arg(help = "Roughly where the car came to rest: LAT,LON[,SD_M], WGS 84; sd 30 m if not given", long, allow_hyphen_values = true, value_name = "LAT,LON[,SD_M]", value_parser = rest_point, requires = "map")]
+    rest_point: Option<RestPoint>,
+    /// Rough heading
+    #[arg(help = "Heading of the car at rest if roughly known: DEG[,SD_DEG]; sd 20 degrees if not given", long, allow_hyphen_values = true, value_name = "DEG[,SD_DEG]", value_parser = rest_heading, requires = "map")]
+    rest_heading: Option<RestHeading>,
+    /// Side of the road that traffic keeps to: right or left
+    #[arg(long, default_value = "right", value_name = "SIDE", value_parser = traffic)]
+    traffic: Traffic,
     /// Confidence of every bound and of the funnel
     #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]
     confidence: f64,
@@ -88,6 +108,63 @@ fn reaction(text: &str) -> Result<f64, String> {
     } else {
         Err("expected 0 to 30 seconds".to_owned())
     }
+}
+
+/// Heading at rest and its sd, degrees.
+#[derive(Clone, Copy, Debug)]
+struct RestHeading([f64; 2]);
+
+fn traffic(text: &str) -> Result<Traffic, String> {
+    match text {
+        "right" => Ok(Traffic::Right),
+        "left" => Ok(Traffic::Left),
+        _ => Err("expected right or left".to_owned()),
+    }
+}
+
+/// Numbers between commas, the last one left out or given; each within its range.
+fn list<const N: usize>(
+    text: &str,
+    last: f64,
+    ranges: [(&str, f64, f64); N],
+) -> Result<[f64; N], String> {
+    let parts = text
+        .split(',')
+        .map(number)
+        .collect::<Result<Vec<f64>, String>>()?;
+    if parts.len() != N && parts.len() + 1 != N {
+        return Err(format!(
+            "expected {} or {N} numbers, found {}",
+            N - 1,
+            parts.len()
+        ));
+    }
+    let mut out = [last; N];
+    out[..parts.len()].copy_from_slice(&parts);
+    for ((name, low, high), value) in ranges.iter().zip(out) {
+        if !(*low..=*high).contains(&value) {
+            return Err(format!("{name}: expected {low} to {high}, found {value}"));
+        }
+    }
+    Ok(out)
+}
+
+fn rest_point(text: &str) -> Result<RestPoint, String> {
+    let ranges = [
+        ("latitude", -90.0, 90.0),
+        ("longitude", -180.0, 180.0),
+        ("sd in metres", 0.1, 500.0),
+    ];
+    list(text, 30.0, ranges).map(|[latitude_deg, longitude_deg, sd_m]| RestPoint {
+        latitude_deg,
+        longitude_deg,
+        sd_m,
+    })
+}
+
+fn rest_heading(text: &str) -> Result<RestHeading, String> {
+    let ranges = [("heading", -360.0, 360.0), ("sd in degrees", 0.1, 90.0)];
+    list(text, 20.0, ranges).map(RestHeading)
 }
 
 fn rest_pose(text: &str) -> Result<RestPose, String> {
@@ -148,8 +225,20 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     };
     let loaded = Loaded::open(&args.record, &args.identity)?;
     let case = loaded.case();
-    let mut result = reconstruct(&loaded.record, &options)?;
-    compass::to_true_north(&mut result);
+    let mut result = match args.map.as_deref().zip(args.rest_point) {
+        Some((map, point)) => place::reconstruct_on(
+            &loaded.record,
+            &options,
+            &Job {
+                roads: Roads::load(map)?,
+                point,
+                heading: args.rest_heading.map(|h| h.0),
+                traffic: args.traffic,
+            },
+        )?,
+        None => reconstruct(&loaded.record, &options)?,
+    };
+    place::lay(&mut result);
     std::fs::create_dir_all(&args.out).map_err(|error| CliError::file(&args.out, error))?;
     let summary = summary::summary(&result, &case);
     let outline = ellipse::outline(&result.states, result.rest_pose.as_ref(), result.confidence);
@@ -196,7 +285,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{confidence, model, reaction, rest_pose};
+    use super::{confidence, model, reaction, rest_heading, rest_point, rest_pose, traffic};
 
     #[test]
     fn arguments() {
@@ -214,7 +303,14 @@ mod tests {
         ] {
             assert!(rest_pose(wrong).is_err(), "{wrong}");
         }
-        assert!(model("refined").unwrap_err().contains("not available yet"));
+        let point = rest_point("-33.86,-151.2").unwrap();
+        assert!((point.latitude_deg + 33.86).abs() < 1e-12 && (point.sd_m - 30.0).abs() < 1e-12);
+        assert!((rest_heading("-90,5").unwrap().0[1] - 5.0).abs() < 1e-12);
+        for wrong in ["", "1", "91,0", "0,0,0", "0,0,1,2", "x,y"] {
+            assert!(rest_point(wrong).is_err(), "{wrong}");
+        }
+        assert!(rest_heading("1,0").is_err() && traffic("up").is_err());
+        assert!(model("refined").is_ok() && model("best").is_err());
         assert!(reaction("31").is_err() && reaction("-1").is_err() && reaction("30").is_ok());
         assert!(confidence("1").is_err() && confidence("0.5").is_ok());
     }

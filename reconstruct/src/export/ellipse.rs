@@ -42,10 +42,11 @@ impl Covariance {
     pub fn absolute(state: &State, pose: &RestPose) -> Self {
         let relative = Self::relative(state);
         let place = pose.sd_m.powi(2);
+        let [north, east, cross] = state.on_earth.unwrap_or([place, place, 0.0]);
         Self {
-            north: relative.north + place,
-            east: relative.east + place,
-            cross: relative.cross,
+            north: relative.north + north,
+            east: relative.east + east,
+            cross: relative.cross + cross,
         }
     }
 }

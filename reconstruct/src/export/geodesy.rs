@@ -48,6 +48,18 @@ impl TangentPlane {
         let latitude = (z + second * b * s.powi(3)).atan2(p - E2 * A * c.powi(3));
         [y.atan2(x).to_degrees(), latitude.to_degrees()]
     }
+
+    /// North and east of the origin, m, of a latitude and longitude in degrees (height 0): the inverse of
+    /// [`Self::lon_lat`] to 2 mm within 5 km.
+    #[must_use]
+    pub fn north_east(&self, latitude_deg: f64, longitude_deg: f64) -> [f64; 2] {
+        let (sin_lat, cos_lat) = self.latitude.sin_cos();
+        let (sin_lon, cos_lon) = self.longitude.sin_cos();
+        let point = earth_centred(latitude_deg.to_radians(), longitude_deg.to_radians());
+        let [x, y, z] = [0, 1, 2].map(|i| point[i] - self.origin[i]);
+        let outward = cos_lon * x + sin_lon * y;
+        [cos_lat * z - sin_lat * outward, cos_lon * y - sin_lon * x]
+    }
 }
 
 fn earth_centred(latitude: f64, longitude: f64) -> [f64; 3] {
@@ -92,6 +104,9 @@ mod tests {
             let [_, lat1] = plane.lon_lat(100.0, 0.0);
             assert!(((lat1 - lat).to_radians() * meridian - 100.0).abs() < 1e-3);
             let [lon1, _] = plane.lon_lat(0.0, 100.0);
+            let [lon2, lat2] = plane.lon_lat(-3200.0, 3700.0);
+            let [north, east] = plane.north_east(lat2, lon2);
+            assert!((north + 3200.0).abs() < 3e-3 && (east - 3700.0).abs() < 3e-3);
             let turned = (lon1 - lon + 540.0).rem_euclid(360.0) - 180.0;
             assert!((turned.to_radians() * parallel - 100.0).abs() < 1e-3);
         }

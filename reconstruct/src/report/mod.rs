@@ -5,13 +5,17 @@
 //! 3. [`summary`]: `summary.json`; its JSON Schema is [`SUMMARY_SCHEMA`].
 //! 4. [`words`]: the findings as sentences a judge can read.
 //! 5. [`svg`], [`axis`], [`labels`]: drawing; [`plan`]: `path.svg`; [`motion`], [`panel`]: `motion.svg`; [`pictures`]: all of them.
-//! 6. [`page`], [`tables`], [`record_tables`]: `report.html`; [`terminal`]: one screen.
+//! 6. [`map`]: where the path lies on a road map, in words, a table and a picture.
+//! 7. [`page`], [`tables`], [`record_tables`]: `report.html`; [`terminal`]: one screen.
 
 pub mod axis;
 pub mod case;
 pub(crate) mod finding_tables;
 pub(crate) mod impact_tables;
 pub mod labels;
+pub mod map;
+pub(crate) mod map_json;
+pub(crate) mod map_picture;
 pub mod motion;
 pub(crate) mod motion_parts;
 pub mod number;

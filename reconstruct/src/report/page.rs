@@ -9,7 +9,7 @@ use crate::report::number::{self, KMH};
 use crate::report::pictures::Pictures;
 use crate::report::plan::View;
 use crate::report::svg::escape;
-use crate::report::{finding_tables, impact_tables, record_tables, summary, tables, words};
+use crate::report::{finding_tables, impact_tables, map, record_tables, summary, tables, words};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -44,6 +44,9 @@ pub fn html(r: &Reconstruction, case: &Case<'_>, pictures: &Pictures) -> String 
     section(&mut out, "The impacts", &impact_tables::all(r));
     section(&mut out, "Roll-over and rest", &finding_tables::rest(r));
     section(&mut out, "Path of the car", &path(r, pictures));
+    if r.map.is_some() {
+        section(&mut out, "Where on the map", &map::section(r));
+    }
     section(&mut out, "Motion over time", &over_time(pictures));
     section(&mut out, "Figures and their bounds", &tables::figures(r));
     section(&mut out, "Models side by side", &models(r));
@@ -210,7 +213,9 @@ fn path(r: &Reconstruction, pictures: &Pictures) -> String {
         escape(&format!(
             "The funnel joins the ellipses of all instants and is a drawing only. The claim is the ellipse of each instant: the true position at that instant lies in it with {} confidence{}.",
             number::percent(r.confidence),
-            if r.rest_pose.is_some() {
+            if r.rest_pose.is_some() && r.map.is_some() {
+                ", the uncertainty of the fit to the road map included"
+            } else if r.rest_pose.is_some() {
                 ", the uncertainty of the measured rest pose included"
             } else {
                 ", relative to the place and heading of rest"

@@ -87,6 +87,7 @@ pub(crate) fn reconstruction() -> Reconstruction {
             sd_accel: [0.12, 0.15],
             sd_yaw_rate: 0.01,
             wheels_used: t < -1.8,
+            on_earth: None,
             bridged: (-18.4..-18.1).contains(&t),
         });
     }
@@ -162,6 +163,7 @@ fn findings(states: Vec<State>) -> Reconstruction {
         missing_samples: 15,
         clipped_samples: 0,
         rest_pose: None,
+        map: None,
         limits: vec![
             "Wheel speeds were not used from 1.8 s before the trigger on: under hard braking they read low.".to_owned(),
             "15 samples of the motion sensor are missing between 18.2 and 18.1 s before the trigger and were bridged with wide noise.".to_owned(),

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::export::fixed::{hex, utc};
 use crate::findings::{Braking, DeltaV, Figure, Impact, ModelAnswer, Reconstruction};
 use crate::report::case::Case;
-use crate::report::{number, summary_details};
+use crate::report::{map_json, number, summary_details};
 
 /// Version of the structure of `summary.json`.
 pub const SUMMARY_VERSION: &str = "1.0";
@@ -70,6 +70,12 @@ pub fn summary(r: &Reconstruction, case: &Case<'_>) -> Value {
     out.insert("comparisons".into(), comparisons(r));
     summary_details::insert(&mut out, r);
     out.insert("limits".into(), json!(r.limits));
+    out.insert(
+        "map".into(),
+        r.map
+            .as_ref()
+            .map_or(Value::Null, |m| map_json::placing(m, r.confidence)),
+    );
     out.insert("road".into(), road(r));
     out.insert("wheels".into(), wheels(r));
     out.insert("missing_samples".into(), json!(r.missing_samples));

@@ -149,6 +149,12 @@ fn rest(r: &Reconstruction, out: &mut Vec<String>) {
             ),
         ));
     }
+    if let Some(placing) = &r.map {
+        out.push(item(
+            "On the map",
+            &crate::report::map::line(placing, r.confidence),
+        ));
+    }
 }
 
 fn limits(r: &Reconstruction, room: usize) -> Vec<String> {
