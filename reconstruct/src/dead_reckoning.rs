@@ -141,6 +141,7 @@ fn snapshot(
         },
         p,
         sd_accel: [f64::NAN; 2],
+        accel_noise: [f64::NAN; 2],
         wheels_used: true,
     }
 }

@@ -18,6 +18,11 @@ const MISSING_RATE_SD: f64 = 0.25;
 /// An unseen motion is one and the same for at most this long, s.
 const MISSING_CORRELATION_S: f64 = 1.0;
 
+/// A step of the acceleration over a gap that only a pulse makes, m/s^2, and the change of velocity that the gap may
+/// then hide, m/s.
+const PULSE_STEP: f64 = 15.0;
+const HIDDEN_DELTA_V: f64 = 10.0;
+
 /// One sample as the filter sees it: SI units, body axes, gaps bridged and marked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Epoch {
@@ -168,19 +173,43 @@ impl Epochs {
         };
         let length = real(to - from);
         let seconds: f64 = self.list[from..to].iter().map(|e| e.dt).sum();
-        let correlated = seconds.min(MISSING_CORRELATION_S);
+        let density = gap_density(axis, a, b, seconds);
+        // A straight line up to the height of a pulse would invent a change of velocity: the calmer side is held.
+        let pulse = hides_pulse(axis, a, b);
+        let calm = self.mean_of(axis);
+        let held = if (a - calm).abs() < (b - calm).abs() {
+            a
+        } else {
+            b
+        };
         for k in from..to {
             let part = (real(k - from) + 1.0) / (length + 1.0);
-            let filled = a + (b - a) * part;
+            let filled = if pulse { held } else { a + (b - a) * part };
             let epoch = &mut self.list[k];
             if axis < 3 {
                 epoch.accel[axis] = filled;
-                epoch.accel_psd = epoch.accel_psd.max(MISSING_ACCEL_SD.powi(2) * correlated);
+                epoch.accel_psd = epoch.accel_psd.max(density);
             } else {
                 epoch.rate[axis - 3] = filled;
-                epoch.rate_psd = epoch.rate_psd.max(MISSING_RATE_SD.powi(2) * correlated);
+                epoch.rate_psd = epoch.rate_psd.max(density);
             }
         }
+    }
+
+    /// Mean of an axis over its measured samples.
+    fn mean_of(&self, axis: usize) -> f64 {
+        let measured = self.list.iter().filter(|e| e.measured[axis]);
+        let (sum, n) = measured.fold((0.0, 0.0), |(sum, n), e| {
+            (
+                sum + if axis < 3 {
+                    e.accel[axis]
+                } else {
+                    e.rate[axis - 3]
+                },
+                n + 1.0,
+            )
+        });
+        sum / f64::max(n, 1.0)
     }
 
     /// Where frames stood at the sensor's limit the true value may be larger by as much again: that much
@@ -210,6 +239,27 @@ impl Epochs {
                 epoch.rate_psd += (share * range).powi(2) * epoch.dt;
             }
         }
+    }
+}
+
+/// True if a gap between these two values of an acceleration may hide a part of a pulse.
+fn hides_pulse(axis: usize, before: f64, after: f64) -> bool {
+    axis < 3 && (after - before).abs() > PULSE_STEP
+}
+
+/// Spectral density of what a gap of `seconds` between two values of an axis (0 to 2 acceleration, 3 to 5 rate) may
+/// hide, (m/s^2)^2/Hz or (rad/s)^2/Hz.
+pub(crate) fn gap_density(axis: usize, before: f64, after: f64, seconds: f64) -> f64 {
+    let correlated = seconds.min(MISSING_CORRELATION_S);
+    if axis >= 3 {
+        let step = 0.5 * (after - before);
+        return (MISSING_RATE_SD.powi(2) + step * step) * correlated;
+    }
+    let drive = MISSING_ACCEL_SD.powi(2) * correlated;
+    if hides_pulse(axis, before, after) {
+        drive + HIDDEN_DELTA_V.powi(2) / seconds.max(0.01)
+    } else {
+        drive
     }
 }
 

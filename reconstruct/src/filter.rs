@@ -33,6 +33,8 @@ pub struct Snapshot {
     pub p: SMatrix<f64, STATES, STATES>,
     /// One sigma of the forward and rightward acceleration free of gravity, m/s^2.
     pub sd_accel: [f64; 2],
+    /// Density of the noise in it, which a mean averages out, (m/s^2)^2/Hz; NaN where `sd_accel` is.
+    pub accel_noise: [f64; 2],
     /// A wheel was used here.
     pub wheels_used: bool,
 }
@@ -355,6 +357,7 @@ impl Runner<'_> {
             nav: self.nav,
             p: self.belief.p_xx,
             sd_accel: [0, 1].map(|axis| self.sd_accel(epoch, axis)),
+            accel_noise: [self.noise(epoch).accel; 2],
             wheels_used,
         }
     }

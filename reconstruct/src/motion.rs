@@ -15,6 +15,8 @@ use crate::frame::{Body, Nav, Rot, Vec3, exp_so3};
 use crate::mechanize::free_of_gravity;
 use crate::start::Start;
 
+/// Length of the mean that tells braking and cornering from vibration, s.
+pub(crate) const SMOOTH_S: f64 = 0.25;
 /// Onset and end of a pulse: 0.8 km/h within 20 ms [49 CFR 563.5], as an acceleration, m/s^2.
 const PULSE_ACCEL: f64 = 0.8 / 3.6 / 0.020;
 /// A pulse is an impact if it changes the velocity by 8 km/h within 150 ms [49 CFR 563, UN R160], m/s.
@@ -116,7 +118,7 @@ impl Motion {
             rate[k] = w.v;
             rolled[k] = c.m[(2, 2)] < UPRIGHT;
         }
-        let smooth = centred_mean(epochs, &accel, 0.25);
+        let smooth = centred_mean(epochs, &accel, SMOOTH_S);
         let mut motion = Self {
             accel,
             rate,
@@ -227,11 +229,20 @@ impl Motion {
                 ),
             ),
         };
+        // A gap that ends in the pulse, or lies just before it, hides the onset.
+        let near_gap = list[k.saturating_sub(2)..(k + 2).min(list.len())]
+            .iter()
+            .any(|e| e.measured[..2] != [true; 2]);
+        let (before, onset_s, onset_sd_s) = if near_gap {
+            hidden_onset(epochs, k)
+        } else {
+            (before, onset_s, 0.35 * dt)
+        };
         Pulse {
             first,
             last,
             onset_s,
-            onset_sd_s: 0.35 * dt,
+            onset_sd_s,
             before,
             end_s,
             end_sd_s: 0.5 * dt,
@@ -311,6 +322,27 @@ impl Motion {
     }
 }
 
+/// Onset of a pulse that begins in or behind a gap next to epoch `k`: anywhere in the gap.
+fn hidden_onset(epochs: &Epochs, k: usize) -> (usize, f64, f64) {
+    let list = &epochs.list;
+    let seen = |i: usize| list[i].measured[..2] == [true; 2];
+    let mut end = (k + 2).min(list.len());
+    while end > 0 && seen(end - 1) {
+        end -= 1;
+    }
+    let mut from = end;
+    while from > 0 && !seen(from - 1) {
+        from -= 1;
+    }
+    let (begin, stop) = (list[from].t_s - list[from].dt, list[end.max(1) - 1].t_s);
+    // Uniform in the gap.
+    (
+        from.saturating_sub(1),
+        f64::midpoint(begin, stop),
+        (stop - begin) / 12.0_f64.sqrt(),
+    )
+}
+
 /// Start of a ramp that begins within a bin: the bin's near edge `edge`, its length `dt` (negative: looking
 /// backwards in time) and how far the means of this bin and the next two depart from the level.
 ///
@@ -331,7 +363,11 @@ fn ramp(edge: f64, dt: f64, size: [f64; 3]) -> f64 {
 }
 
 /// Mean over a window centred on each epoch, body axes.
-fn centred_mean(epochs: &Epochs, values: &[Vector3<f64>], window_s: f64) -> Vec<Vector3<f64>> {
+pub(crate) fn centred_mean(
+    epochs: &Epochs,
+    values: &[Vector3<f64>],
+    window_s: f64,
+) -> Vec<Vector3<f64>> {
     let list = &epochs.list;
     let n = list.len();
     let mut out = Vec::with_capacity(n);

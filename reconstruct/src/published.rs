@@ -243,6 +243,7 @@ fn snapshot(nav: &Nav9, belief: &Belief<STATES, 1>, used: bool) -> Snapshot {
         nav: *nav,
         p: turned_covariance(&belief.p_xx, nav.c_nb.euler().2),
         sd_accel: [f64::NAN; 2],
+        accel_noise: [f64::NAN; 2],
         wheels_used: used,
     }
 }

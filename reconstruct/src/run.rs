@@ -356,7 +356,7 @@ fn run_models(
                 }
                 let epochs = setup.reversed.forward();
                 faults = faults::sentences(&refined, epochs, setup.motion);
-                motion = Some(refined.motion(epochs, setup.motion));
+                motion = Some(refined.motion(setup));
                 joint = refined.joint;
                 Some(refined.snapshots)
             }

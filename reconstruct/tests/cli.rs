@@ -238,9 +238,12 @@ fn usage_errors_are_2() {
         let result = reconstruct(&[&["run", record, "--out", text(&out)], extra].concat());
         (result.status.code(), stderr(&result))
     };
-    let (code, message) = run(&["--model", "refined"]);
+    let (code, message) = run(&["--model", "best"]);
     assert_eq!(code, Some(2));
-    assert!(message.contains("not available yet"), "{message}");
+    assert!(
+        message.contains("expected refined, nine-state"),
+        "{message}"
+    );
     for wrong in [
         ["--model", "best"],
         ["--rest-pose", "91,0,0"],
@@ -254,7 +257,7 @@ fn usage_errors_are_2() {
     }
     assert_eq!(run(&["--road", "no-such-file.json"]).0, Some(1));
     let help = stdout(&reconstruct(&["run", "--help"]));
-    assert!(!help.contains("refined") && help.contains("nine-state"));
+    assert!(help.contains("refined") && help.contains("nine-state"));
     assert_eq!(reconstruct(&[]).status.code(), Some(2));
     assert_eq!(reconstruct(&["--version"]).status.code(), Some(0));
 }
@@ -263,7 +266,7 @@ fn usage_errors_are_2() {
 fn windows_and_models() {
     let (record, dir, _) = on_disk("window", Class::Frontal, 8);
     let out = dir.join("out");
-    for model in ["dead-reckoning", "published", "nine-state"] {
+    for model in ["dead-reckoning", "published", "nine-state", "refined"] {
         let args = [
             "run",
             text(&record),

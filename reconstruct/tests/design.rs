@@ -101,7 +101,14 @@ fn examples_come_back_as_files() {
         let sheet = print(&[&["sheet"], more].concat());
         let manoeuvre = write(&dir, &format!("m.{suffix}"), &manoeuvre);
         let sheet = write(&dir, &format!("s.{suffix}"), &sheet);
-        let value = json(&["--manoeuvre", text(&manoeuvre), "--sheet", text(&sheet)]);
+        let value = json(&[
+            "--model",
+            "nine-state",
+            "--manoeuvre",
+            text(&manoeuvre),
+            "--sheet",
+            text(&sheet),
+        ]);
         assert_eq!(value["manoeuvre"]["name"], "rural road, oblique impact");
         assert_eq!(value["sensors"][0]["name"], "bench MEMS");
         // 45 km/h clip a 16 g sensor: a lower bound, and it is said.

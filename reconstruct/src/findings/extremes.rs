@@ -118,16 +118,19 @@ fn sd_mean(evidence: &Evidence<'_>, k: usize) -> f64 {
     let imu = &evidence.epochs.header.imu;
     let epoch = &evidence.epochs.list[k];
     let snapshot = &evidence.snapshots[k];
-    let driving = (snapshot.nav.v_n.v.norm() / VIBRATION_SPEED).min(1.0);
-    let noise = imu.accel_density.powi(2)
-        + (imu.accel_vibration * driving).powi(2) * 0.01
-        + epoch.accel_psd;
     let single = snapshot.sd_accel[1];
-    let constant = if single.is_finite() {
-        (single * single - noise / epoch.dt).max(0.0)
+    let (constant, noise) = if single.is_finite() {
+        let noise = snapshot.accel_noise[1];
+        ((single * single - noise / epoch.dt).max(0.0), noise)
     } else {
         let p = &snapshot.p;
-        imu.accel_bias.powi(2) + p[(ATT, ATT)].max(p[(ATT + 1, ATT + 1)]) * 9.81 * 9.81
+        let driving = (snapshot.nav.v_n.v.norm() / VIBRATION_SPEED).min(1.0);
+        (
+            imu.accel_bias.powi(2) + p[(ATT, ATT)].max(p[(ATT + 1, ATT + 1)]) * 9.81 * 9.81,
+            imu.accel_density.powi(2)
+                + (imu.accel_vibration * driving).powi(2) * 0.01
+                + epoch.accel_psd,
+        )
     };
     let across = imu.mounting_sd[2] * evidence.motion.smooth[k].x;
     // The largest of many noisy means lies above the truth by about the noise of one.
@@ -179,6 +182,7 @@ mod tests {
                 nav,
                 p: SMatrix::zeros(),
                 sd_accel: [0.0; 2],
+                accel_noise: [0.0; 2],
                 wheels_used: false,
             };
             sideslip(&snapshot).unwrap().0

@@ -145,7 +145,12 @@ fn from_impact(
     let turn_sd = (row * att * row.transpose())[0].max(0.0).sqrt();
     Some(FromImpact {
         straight_m: Figure::non_negative(straight, sd, q),
-        path_m: way(states, pulse.onset_s, stop.value, q),
+        path_m: {
+            // The way driven while the onset is not sure.
+            let path = way(states, pulse.onset_s, stop.value, q);
+            let open = a.nav.v_n.v.xy().norm() * pulse.onset_sd_s;
+            Figure::non_negative(path.value, path.sd.hypot(open), q)
+        },
         rotation_deg: Figure::new(
             turned(evidence, pulse.before, last).to_degrees(),
             turn_sd.to_degrees(),

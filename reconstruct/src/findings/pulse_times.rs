@@ -238,6 +238,7 @@ mod tests {
                 .map(|e| Vector3::x() * ((velocity(e.t_s) - velocity(e.t_s - e.dt)) / e.dt))
                 .collect();
             let motion = Motion {
+                rate_doubt: Vec::new(),
                 smooth: accel.clone(),
                 rate: vec![Vector3::zeros(); 200],
                 impacts: Vec::new(),

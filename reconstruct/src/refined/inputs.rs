@@ -6,12 +6,9 @@
 use nalgebra::Vector3;
 
 use super::transition::Density;
-use crate::epochs::{Epoch, Epochs};
+use crate::epochs::{Epoch, Epochs, gap_density};
 use crate::motion::Motion;
 
-/// Standard deviation of what a missing sample hides, m/s^2 and rad/s, and the longest time it stays the same, s.
-const MISSING: [f64; 2] = [4.0, 0.25];
-const MISSING_CORRELATION_S: f64 = 1.0;
 /// Beyond a limit the true value lies higher by this share of it on average, and by so much more or less: no more is
 /// known of an exponential tail than its mean.
 const EXCESS_ACCEL: [f64; 2] = [0.3, 0.5];
@@ -93,7 +90,17 @@ impl Inputs {
     fn gaps(&mut self, list: &[Epoch], axis: usize) {
         for (from, to) in runs(list, 0.0, |e| !e.measured[axis]) {
             let seconds: f64 = list[from..to].iter().map(|e| e.dt).sum();
-            let density = MISSING[axis / 3].powi(2) * seconds.min(MISSING_CORRELATION_S);
+            let value = |e: &Epoch| {
+                if axis < 3 {
+                    e.accel[axis]
+                } else {
+                    e.rate[axis - 3]
+                }
+            };
+            let after = list.get(to).map(value);
+            let before = from.checked_sub(1).map(|k| value(&list[k])).or(after);
+            let (before, after) = (before.unwrap_or(0.0), after.or(before).unwrap_or(0.0));
+            let density = gap_density(axis, before, after, seconds);
             for k in from..to {
                 self.widen(k, axis, density);
             }

@@ -14,13 +14,13 @@ pub mod tuning;
 
 use nalgebra::{SMatrix, Vector3};
 
-use crate::epochs::Epochs;
 use crate::error::ReconstructError;
 use crate::error_model::{ATT, STATES};
 use crate::filter::{Setup, Snapshot};
 use crate::findings::WheelUse;
 use crate::findings::delta_v::JointPulse;
-use crate::motion::Motion;
+use crate::mechanize::free_of_gravity;
+use crate::motion::{Motion, SMOOTH_S, centred_mean};
 use crate::rest::RestInterval;
 use crate::smooth::Smoother;
 use crate::smooth::rts::{Adjoint, cross_covariance};
@@ -29,11 +29,16 @@ use states::{BA, Cov, Nominal, Row, SA};
 use tape::Step;
 pub use tuning::Tuning;
 
+/// Passes after the first where no rest was found.
+const AGAIN: usize = 2;
+
 /// What the refined model gives.
 #[derive(Clone, Debug)]
 pub struct Refined {
     /// One snapshot an epoch, in recording order.
     pub snapshots: Vec<Snapshot>,
+    /// Smoothed nominals in recording order; `None` behind the start.
+    pub nominals: Vec<Option<Nominal>>,
     /// Use of the wheels.
     pub wheels: WheelUse,
     /// Joint covariance at `pulse.before` and `pulse.last` of each impact.
@@ -47,15 +52,29 @@ pub struct Refined {
 }
 
 impl Refined {
-    /// The first look with what the refined model made of a gyro at its limit.
+    /// The first look again, with the calibration and the attitude that the refined model found, and with what it made of
+    /// a gyro at its limit.
     #[must_use]
-    pub fn motion(&self, epochs: &Epochs, first_look: &Motion) -> Motion {
+    pub fn motion(&self, setup: &Setup<'_>) -> Motion {
+        let epochs = setup.reversed.forward();
         let inputs = &self.passed.inputs;
-        let mut motion = first_look.clone();
-        for (k, epoch) in epochs.list.iter().enumerate() {
-            motion.rate[k] += inputs.rate[k] - epoch.rate;
+        let gravity = setup.earth.gravity;
+        let mut motion = setup.motion.clone();
+        for (k, (epoch, nominal)) in epochs.list.iter().zip(&self.nominals).enumerate() {
             motion.rate_doubt[k] = inputs.rate_doubt[k];
+            let Some(nominal) = nominal else { continue };
+            let w = nominal.rate(&inputs.rate[k], &setup.earth);
+            let mid = nominal.nav.c_nb.turned(w.scale(-0.5 * epoch.dt));
+            // A sample that was lost or clipped is not made up: the pulse is as it was seen.
+            let accel = if epoch.clipped[..3] == [0.0; 3] {
+                inputs.accel[k]
+            } else {
+                epoch.accel
+            };
+            motion.accel[k] = free_of_gravity(&nominal.force(&accel).v, &mid, gravity);
+            motion.rate[k] = w.v;
         }
+        motion.smooth = centred_mean(epochs, &motion.accel, SMOOTH_S);
         motion
     }
 }
@@ -70,21 +89,34 @@ pub fn run(
     tuning: &Tuning,
     smoother: Smoother,
 ) -> Result<Refined, ReconstructError> {
-    let passed = pass::run(Given {
+    let mut given = Given {
         setup,
         rest,
         tuning,
-    })?;
+        again: None,
+    };
+    let mut passed = pass::run(given)?;
+    if !rest.found() {
+        // Without rest the first guess of speed and tilt is far off, and what is linear about it is not about the
+        // truth: the pass starts again from what the smoother made of it. The spread of the guess is so wide beside
+        // the answer's that its middle does not matter.
+        for _ in 0..AGAIN {
+            given.again = smoothed_start(&passed).map(|nominal| nominal.nav);
+            passed = pass::run(given)?;
+        }
+    }
     let epochs = setup.reversed.forward();
     let steps = &passed.tape.steps;
     let impacts = &setup.motion.impacts;
     let mut joint = vec![None; impacts.len()];
     let mut list: Vec<Option<Snapshot>> = vec![None; epochs.list.len()];
+    let mut nominals = vec![None; epochs.list.len()];
     let mut adjoint = Adjoint::last();
     let mut before = None;
     let mut after = None;
     for (i, step) in steps.iter().enumerate().rev() {
         let nominal = adjoint.nominal(&step.nominal, &step.p);
+        nominals[step.k] = Some(nominal);
         list[step.k] = Some(snapshot(setup, &passed, step, &nominal, &adjoint));
         for (pulse, joint) in impacts.iter().zip(&mut joint) {
             // The pulse's end is passed first, on the way back from rest.
@@ -120,12 +152,23 @@ pub fn run(
         .collect();
     Ok(Refined {
         snapshots,
+        nominals,
         wheels: passed.wheels,
         joint,
         before: before.ok_or_else(missing)?,
         after: after.ok_or_else(missing)?,
         passed,
     })
+}
+
+/// The smoothed nominal of the pass's first step.
+fn smoothed_start(passed: &Passed) -> Option<Nominal> {
+    let first = passed.tape.steps.first()?;
+    let mut adjoint = Adjoint::last();
+    for i in (1..passed.tape.steps.len()).rev() {
+        adjoint.retreat(&passed.tape, i);
+    }
+    Some(adjoint.nominal(&first.nominal, &first.p))
 }
 
 /// Joint covariance of step `late` (a pulse's start) and of the one `length` epochs after it in time.
@@ -183,6 +226,7 @@ fn snapshot(
         nav: nominal.nav,
         p: adjoint.covariance::<STATES>(&step.p),
         sd_accel,
+        accel_noise: [density.accel[0], density.accel[1]],
         wheels_used: passed.wheels_used[step.k],
     }
 }

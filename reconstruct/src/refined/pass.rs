@@ -18,7 +18,7 @@ use crate::error::ReconstructError;
 use crate::error_model::{ATT, POS, STATES, VEL};
 use crate::filter::Setup;
 use crate::findings::WheelUse;
-use crate::mechanize::{EARTH_RATE, backward};
+use crate::mechanize::{EARTH_RATE, Nav9, backward};
 use crate::rest::{self, RestInterval, Stand};
 
 /// Place and speed at rest, one sigma, m and m/s: what the springs leave once they have settled. A speed error lives on
@@ -55,6 +55,8 @@ pub struct Given<'a> {
     pub rest: &'a RestInterval,
     /// Spreads and gates.
     pub tuning: &'a Tuning,
+    /// Motion to start from instead of the first guess.
+    pub again: Option<Nav9>,
 }
 
 /// Tape and account of one pass.
@@ -464,7 +466,7 @@ fn nominal(given: &Given<'_>) -> Nominal {
     cal[LATENCY - STATES] = setup.reversed.forward().header.wheels.latency_s;
     cal[SLIP_GRADIENT - STATES] = given.tuning.slip_gradient[0];
     Nominal {
-        nav: setup.start.nav,
+        nav: given.again.unwrap_or(setup.start.nav),
         cal,
     }
 }
