@@ -7,7 +7,7 @@ use crate::filter::{Snapshot, VIBRATION_SPEED};
 use crate::findings::Figure;
 use crate::findings::crash::Evidence;
 use crate::findings::rollover::upright;
-use crate::mechanize::{MEAN_GRAVITY, Nav9};
+use crate::mechanize::Nav9;
 
 /// Below this speed over ground no sideslip is given, m/s.
 pub const SIDESLIP_MPS: f64 = 5.0;
@@ -97,7 +97,7 @@ pub fn of(evidence: &Evidence<'_>, from: usize, to: usize) -> Extremes {
     out
 }
 
-/// The mean over 250 ms about epoch `k`, free of gravity by the model's own attitude.
+/// The mean over 250 ms about epoch `k`, free of gravity, with the calibration of the model where it has one.
 fn lateral_mean(evidence: &Evidence<'_>, k: usize) -> Option<f64> {
     let list = &evidence.epochs.list;
     let middle = list[k].t_s - 0.5 * list[k].dt;
@@ -105,9 +105,8 @@ fn lateral_mean(evidence: &Evidence<'_>, k: usize) -> Option<f64> {
     let from = list.partition_point(|e| e.t_s - 0.5 * e.dt < middle - half);
     let to = list.partition_point(|e| e.t_s - 0.5 * e.dt <= middle + half);
     let (mut sum, mut length) = (0.0, 0.0);
-    for (epoch, snapshot) in list[from..to].iter().zip(&evidence.snapshots[from..to]) {
-        let pull = snapshot.nav.c_nb.m[(2, 1)] * MEAN_GRAVITY;
-        sum += (epoch.accel.y + pull) * epoch.dt;
+    for (epoch, accel) in list[from..to].iter().zip(&evidence.motion.accel[from..to]) {
+        sum += accel.y * epoch.dt;
         length += epoch.dt;
     }
     (length > 0.9 * MEAN_S).then(|| sum / length)
