@@ -9,6 +9,7 @@ use reconstruct::report::pictures::Pictures;
 use reconstruct::report::{page, summary, terminal};
 use reconstruct::road::RoadLimits;
 use reconstruct::run::{Model, Options, Road, reconstruct};
+use reconstruct::smooth::Smoother;
 use serde_json::json;
 
 use crate::cli::decrypt::Identity;
@@ -34,6 +35,9 @@ pub(crate) struct Args {
     /// Rest pose
     #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
     rest_pose: Option<RestPose>,
+    /// Smoother of the refined model: rts (sweep), batch (all epochs at once) or none
+    #[arg(long, default_value = "rts", value_name = "rts|batch|none", value_parser = smoother)]
+    smoother: Smoother,
     /// Confidence of every bound and of the funnel
     #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]
     confidence: f64,
@@ -56,6 +60,13 @@ fn model(text: &str) -> Result<Model, String> {
         "refined" => Err("the refined model is not available yet; expected nine-state, published or dead-reckoning".to_owned()),
         _ => Err("expected nine-state, published or dead-reckoning".to_owned()),
     }
+}
+
+fn smoother(text: &str) -> Result<Smoother, String> {
+    [Smoother::Rts, Smoother::Batch, Smoother::None]
+        .into_iter()
+        .find(|s| s.name() == text)
+        .ok_or_else(|| "expected rts, batch or none".to_owned())
 }
 
 fn number(text: &str) -> Result<f64, String> {
@@ -131,6 +142,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         confidence: args.confidence,
         from_s: args.from,
         to_s: args.to,
+        smoother: args.smoother,
         ..Options::default()
     };
     let loaded = Loaded::open(&args.record, &args.identity)?;

@@ -128,6 +128,43 @@ impl Transition {
         self
     }
 
+    /// True if the car stands in this step.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.h == 0.0
+    }
+
+    /// The same step of a moving car about another trajectory; noise and process stay.
+    #[must_use]
+    pub fn about(&self, view: &StepView, f_b: &Vec3<Body>, w_b: &Vec3<Body>) -> Self {
+        let (velocity, angle) = drives(&view.c_mid, f_b, w_b);
+        Self {
+            f_n: view.f_n.v,
+            velocity,
+            angle,
+            ..*self
+        }
+    }
+
+    /// Factor of the sideslip process.
+    #[must_use]
+    pub fn decay(&self) -> f64 {
+        self.decay
+    }
+
+    /// The way back: `Phi^-1` without noise. `F` is nilpotent, so it is the same step with the opposite sign.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        Self {
+            h: -self.h,
+            decay: 1.0 / self.decay,
+            q: SMatrix::zeros(),
+            q_slip: 0.0,
+            jump: [0.0; 2],
+            ..*self
+        }
+    }
+
     /// `Phi x`.
     #[must_use]
     pub fn apply(&self, x: &Row) -> Row {
@@ -308,6 +345,14 @@ mod tests {
         }
         let top = q.view((0, 0), (9, 9));
         assert!((top - step.q).norm() < 1e-15 + 1e-12 * step.q.norm());
+    }
+
+    #[test]
+    fn inverse_undoes_the_step() {
+        let (view, f_b, w_b, density) = sample();
+        let step = Transition::moving(&view, &f_b, &w_b, 0.05, &density).with_slip(0.01, 1.0, 0.05);
+        let x = Row::from_fn(|i, _| real(1 + 3 * i).sin());
+        assert!((step.inverse().apply(&step.apply(&x)) - x).norm() < 1e-14);
     }
 
     #[test]

@@ -98,6 +98,24 @@ impl Adjoint {
     }
 }
 
+/// Smoothed nominals of all steps, in the order of the pass, without their covariances.
+#[must_use]
+pub fn means(tape: &Tape) -> Vec<Nominal> {
+    let mut lambda = Row::zeros();
+    let mut out: Vec<Nominal> = Vec::with_capacity(tape.steps.len());
+    for step in tape.steps.iter().rev() {
+        out.push(step.nominal.corrected(&-(step.p * lambda)));
+        for z in tape.linear[step.measurements.clone()].iter().rev() {
+            lambda -= z.h * (lambda.dot(&z.gain) + z.residual / z.s);
+        }
+        if let Some(transition) = &step.transition {
+            lambda = transition.apply_transposed(&lambda);
+        }
+    }
+    out.reverse();
+    out
+}
+
 /// Covariance of the errors of two steps, from all data: rows step `early` of the pass (a later epoch), columns step
 /// `late`, whose adjoint is `at_late`. Zero-based steps with `early <= late`.
 ///

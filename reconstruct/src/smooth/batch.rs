@@ -1,0 +1,112 @@
+//! The batch smoother: all epochs at once, linearised about the solution, with robust losses and limits.
+//!
+//! Gauss-Newton from the fixed-interval smoother's trajectory. At each linearisation the rows of wheels, sideslip, no-jump
+//! and road get Huber's weight for their residual, and each limit that the trajectory crosses gets a row
+//! ([`super::limits`]). It ends where no state moves by more than a thousandth of its standard deviation. One that does not
+//! end is an error.
+//!
+//! The covariance is that of the last linearisation, with the robust weights and without the limits' rows: recursions over
+//! the blocks of the factor give it for every epoch ([`super::posterior`]).
+
+use super::arrow::{Factor, factor};
+use super::limits::{self, LimitUse};
+use super::problem::Problem;
+use super::relinear::Ground;
+use super::rts;
+use crate::error::ReconstructError;
+use crate::refined::states::{DIM, Nominal, Row};
+use crate::refined::tape::Source;
+
+/// Huber's bound: residuals beyond so many of their own standard deviations count linearly.
+const HUBER: f64 = 2.5;
+/// Largest step that counts as none, in standard deviations of the filter.
+const CONVERGED: f64 = 1e-3;
+/// Most linearisations.
+const MOST: usize = 20;
+
+/// A solved record.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// One nominal a step, in the order of the pass.
+    pub trajectory: Vec<Nominal>,
+    /// The problem of the last linearisation, without limits.
+    pub problem: Problem,
+    /// Its factor.
+    pub factor: Factor,
+    /// Linearisations needed.
+    pub linearisations: usize,
+    /// Largest last step of any state, in standard deviations of the filter.
+    pub last_step: f64,
+    /// Limits that held the trajectory.
+    pub limits: LimitUse,
+    /// Rows whose residual was beyond Huber's bound, by source.
+    pub outlying: Vec<(Source, u64)>,
+}
+
+/// Solves a record.
+///
+/// # Errors
+/// [`ReconstructError::Numeric`] if the arithmetic fails or the solution does not settle.
+pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
+    let tape = &ground.passed.tape;
+    let mut trajectory = rts::means(tape);
+    let mut last_step = f64::INFINITY;
+    for round in 1..=MOST {
+        let mut plain = ground.problem(&trajectory);
+        let outlying = weigh(&mut plain);
+        let mut held = plain.clone();
+        let used = limits::hold(ground, &mut held, &trajectory);
+        let solved = factor(&held)?;
+        let means = solved.means();
+        last_step = 0.0;
+        for ((x, nominal), step) in means.iter().zip(&mut trajectory).zip(&tape.steps) {
+            last_step = last_step.max(largest(x, |s| step.p[(s, s)]));
+            *nominal = nominal.corrected(x);
+        }
+        if !last_step.is_finite() {
+            break;
+        }
+        if last_step < CONVERGED {
+            let factor = if used.total() > 0 { factor(&plain)? } else { solved };
+            return Ok(Batch {
+                trajectory,
+                problem: plain,
+                factor,
+                linearisations: round,
+                last_step,
+                limits: used,
+                outlying,
+            });
+        }
+    }
+    Err(ReconstructError::Numeric {
+        place: "batch smoother",
+        what: format!(
+            "expected to settle within {MOST} linearisations, found a last step of {last_step:.3} standard deviations"
+        ),
+    })
+}
+
+/// Largest entry over its standard deviation.
+fn largest(x: &Row, variance: impl Fn(usize) -> f64) -> f64 {
+    (0..DIM)
+        .map(|s| x[s].abs() / variance(s).max(1e-18).sqrt())
+        .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
+}
+
+/// Huber's weights at the residuals about the trajectory.
+fn weigh(problem: &mut Problem) -> Vec<(Source, u64)> {
+    let robust = [Source::Wheel, Source::SideSlip, Source::Jump, Source::Road];
+    let mut outlying = robust.map(|source| (source, 0_u64)).to_vec();
+    for row in &mut problem.rows {
+        let Some((_, count)) = outlying.iter_mut().find(|(source, _)| *source == row.source) else {
+            continue;
+        };
+        let size = row.residual.abs() / row.r.sqrt();
+        if size > HUBER {
+            row.weight = HUBER / size;
+            *count += 1;
+        }
+    }
+    outlying
+}

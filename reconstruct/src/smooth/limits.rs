@@ -1,0 +1,197 @@
+//! What a trajectory cannot be: steeper than the road, faster than a wheel that reads nothing, softer than a sensor's limit.
+//!
+//! Each limit is one-sided and acts where the trajectory crosses it: the row then pulls to the limit with a narrow
+//! standard deviation (a quadratic penalty; the active set is chosen anew at every linearisation). Such a row is no
+//! measurement: at a hundred samples a second it would count one fact thousands of times. So the limits move the
+//! *trajectory*, and its covariance is that without them, which is the wider one.
+
+use nalgebra::{SVector, Vector3};
+
+use super::problem::{Bound, LOCAL, Measured, Problem};
+use super::relinear::Ground;
+use crate::constraint::Geometry;
+use crate::error_model::{ATT, VEL};
+use crate::refined::measure::{self, WheelFrame};
+use crate::refined::states::{Nominal, Row};
+use crate::refined::tape::Source;
+
+/// How closely a limit is kept: angle, rad; vertical speed, m/s; wheel, m/s; specific force, m/s^2; rate, rad/s.
+const ANGLE_SD: f64 = 3e-4;
+const VERTICAL_SD: f64 = 0.01;
+const WHEEL_SD: f64 = 0.02;
+const FORCE_SD: f64 = 0.2;
+const RATE_SD: f64 = 2e-3;
+/// What the springs add to the road's angles, rad, and to the vertical speed, m/s: as where states are reported.
+const SPRING: f64 = 1.5 * std::f64::consts::PI / 180.0;
+const VERTICAL: f64 = 0.1;
+/// A wheel that reads nothing at a car this much faster than its cut-off is dead, m/s.
+const DEAD: f64 = 1.0;
+
+/// Where limits held the trajectory: numbers of epochs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LimitUse {
+    /// Roll.
+    pub roll: u64,
+    /// Pitch.
+    pub pitch: u64,
+    /// Vertical speed.
+    pub vertical: u64,
+    /// Wheels below their cut-off.
+    pub wheel: u64,
+    /// Samples at a sensor's limit.
+    pub clipped: u64,
+}
+
+impl LimitUse {
+    /// All together.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.roll + self.pitch + self.vertical + self.wheel + self.clipped
+    }
+}
+
+/// Adds a row for each limit that `trajectory` crosses.
+pub(crate) fn hold(ground: &Ground<'_>, problem: &mut Problem, trajectory: &[Nominal]) -> LimitUse {
+    let mut used = LimitUse::default();
+    let mut rows = Vec::with_capacity(problem.rows.len());
+    for i in 0..problem.stages.len() {
+        let bounds = clipped(ground, problem, trajectory, i);
+        used.clipped += schema::num::u64_of(bounds.len());
+        let stage = &mut problem.stages[i];
+        stage.bounds = bounds;
+        let from = rows.len();
+        rows.extend_from_slice(&problem.rows[stage.rows.clone()]);
+        road(ground, stage.k, &trajectory[i], &mut rows, &mut used);
+        // A stand is told to stand still already.
+        if stage.transition.is_some_and(|t| !t.stands()) {
+            wheels(ground, stage.k, &trajectory[i], &mut rows, &mut used);
+        }
+        stage.rows = from..rows.len();
+    }
+    problem.rows = rows;
+    used
+}
+
+/// `value` beyond `top` on either side, as a row that pulls it back.
+fn beyond(source: Source, value: f64, top: f64, h: Row, sd: f64) -> Option<Measured> {
+    (value.abs() > top).then(|| Measured {
+        source,
+        h,
+        residual: value - top.copysign(value),
+        r: sd * sd,
+        weight: 1.0,
+    })
+}
+
+fn road(
+    ground: &Ground<'_>,
+    k: usize,
+    nominal: &Nominal,
+    rows: &mut Vec<Measured>,
+    used: &mut LimitUse,
+) {
+    let setup = ground.given.setup;
+    let Some(road) = setup.road else { return };
+    let t_s = setup.reversed.forward().list[k].t_s;
+    if setup.motion.impacts.first().is_some_and(|p| t_s > p.onset_s - road.hold_off_s) {
+        return;
+    }
+    for (index, top) in [road.roll_deg, road.pitch_deg].into_iter().enumerate() {
+        let z = measure::road(nominal, index, 0.0, 1.0);
+        let top = top.to_radians() + SPRING;
+        if let Some(row) = beyond(Source::Road, z.residual, top, z.h, ANGLE_SD) {
+            rows.push(row);
+            *(if index == 0 { &mut used.roll } else { &mut used.pitch }) += 1;
+        }
+    }
+    let v = &nominal.nav.v_n.v;
+    let top = v.xy().norm() * road.pitch_deg.to_radians().sin() + VERTICAL;
+    let mut h = Row::zeros();
+    h[VEL + 2] = 1.0;
+    if let Some(row) = beyond(Source::Road, v.z, top, h, VERTICAL_SD) {
+        rows.push(row);
+        used.vertical += 1;
+    }
+}
+
+/// A wheel that reads less than it can tell turns no faster than its cut-off.
+fn wheels(
+    ground: &Ground<'_>,
+    k: usize,
+    nominal: &Nominal,
+    rows: &mut Vec<Measured>,
+    used: &mut LimitUse,
+) {
+    let setup = ground.given.setup;
+    let epochs = setup.reversed.forward();
+    let header = &epochs.header;
+    let cutoff = header.wheels.cutoff_mps.max(header.wheel_scale.step);
+    if setup.motion.wheels_bad[k] || setup.motion.after_impact[k] {
+        return;
+    }
+    let rate = nominal.rate(&ground.passed.inputs.rate[k], &setup.earth).v;
+    let geometry = Geometry::new(&header.vehicle);
+    for side in 0..2 {
+        if epochs.list[k].wheels[side].is_none_or(|speed| speed >= cutoff) {
+            continue;
+        }
+        let frame = WheelFrame {
+            side,
+            speed: cutoff,
+            age_s: 0.5 * epochs.list[k].dt,
+            accel: setup.motion.smooth[k].x,
+            variance: WHEEL_SD * WHEEL_SD,
+        };
+        let z = measure::wheel(nominal, &rate, &geometry, &frame);
+        if z.residual > 0.0 && z.residual < DEAD + cutoff {
+            rows.push(Measured {
+                source: Source::Wheel,
+                h: z.h,
+                residual: z.residual,
+                r: z.r,
+                weight: 1.0,
+            });
+            used.wheel += 1;
+        }
+    }
+}
+
+/// Behind a sensor's limit the truth lies beyond it: the mean of a bin is at least as large as its clipped mean.
+fn clipped(
+    ground: &Ground<'_>,
+    problem: &Problem,
+    trajectory: &[Nominal],
+    i: usize,
+) -> Vec<Bound> {
+    let (Some(last), stage) = (i.checked_sub(1), &problem.stages[i]) else {
+        return Vec::new();
+    };
+    if stage.transition.is_none_or(|t| t.stands()) {
+        return Vec::new();
+    }
+    let k = problem.stages[last].k;
+    let epoch = &ground.given.setup.reversed.forward().list[k];
+    let inputs = &ground.passed.inputs;
+    let c = &trajectory[last].nav.c_nb.m;
+    let mut bounds = Vec::new();
+    for (axis, share) in epoch.clipped.iter().enumerate() {
+        if *share == 0.0 {
+            continue;
+        }
+        let column: Vector3<f64> = c.column(axis % 3) / epoch.dt;
+        // What was taken is the truth and an error of `-C' w / dt` (force) or `C' w / dt` (rate).
+        let (at, column, value, sd) = if axis < 3 {
+            (VEL, column, epoch.accel[axis] - inputs.accel[k][axis], FORCE_SD)
+        } else {
+            let j = axis - 3;
+            (ATT, -column, epoch.rate[j] - inputs.rate[k][j], RATE_SD)
+        };
+        let mut a = SVector::<f64, LOCAL>::zeros();
+        a.fixed_rows_mut::<3>(at).copy_from(&column);
+        let noise = column.dot(&stage.offset.fixed_rows::<3>(at));
+        if (noise - value) * share.signum() < 0.0 {
+            bounds.push(Bound { a, value, sd });
+        }
+    }
+    bounds
+}
