@@ -93,6 +93,14 @@ impl Link {
         let (k, left) = self.learnt();
         spread(p, &k, &left, local);
         self.inverse.predict(p);
+        // Rows and columns are updated from the same product: what is not symmetric would grow from step to step.
+        for c in 0..DIM {
+            for r in 0..c {
+                let mean = 0.5 * (p[(r, c)] + p[(c, r)]);
+                p[(r, c)] = mean;
+                p[(c, r)] = mean;
+            }
+        }
     }
 }
 
