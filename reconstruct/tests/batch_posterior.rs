@@ -16,7 +16,7 @@ use nalgebra::{Matrix2, SMatrix, Vector2};
 use reconstruct::refined::pass::{Given, Passed};
 use reconstruct::refined::states::{Cov, DIM, Nominal};
 use reconstruct::refined::tape::{Source, Tape};
-use reconstruct::simulate::Class;
+use reconstruct::simulate::{Class, Scenario};
 use reconstruct::smooth::arrow::factor;
 use reconstruct::smooth::batch::{Batch, solve};
 use reconstruct::smooth::budget::{Cause, budget};
@@ -65,7 +65,9 @@ fn rebuilt_problem_is_the_one_on_the_tape() {
                     }
                 }
                 for (a, b) in rebuilt.rows[a.rows.clone()].iter().zip(&taped.rows[b.rows.clone()]) {
-                    row = row.max((a.residual - b.residual).abs() / b.r.sqrt());
+                    let off = (a.residual - b.residual).abs() / b.r.sqrt();
+                    // Levelling at a stand corrects tilt, heading and bias at once: products of them show.
+                    row = row.max(if b.source == Source::Levelling { 0.05 * off } else { off });
                 }
             }
             println!("{class} {seed}: offset {offset:.1e}, rows {row:.1e}, steps {slope:.1e} of the sd");
@@ -95,41 +97,94 @@ fn settles_near_the_sweep() {
             batch.factor.covariances(|i, p| {
                 let x = correction(&swept[i], &batch.trajectory[i]);
                 for s in 0..9 {
-                    off[s / 3] = off[s / 3].max(x[s].abs() / p[(s, s)].sqrt());
+                    // At rest the heading is zero by definition, far below what it is anywhere else.
+                    off[s / 3] = off[s / 3].max(x[s].abs() / p[(s, s)].sqrt().max(1e-4));
                 }
             });
             println!(
                 "{class} {seed}: {} linearisations, last step {:.1e}, limits {:?}, outlying {:?}, off the sweep by {:.2} {:.2} {:.2} sd",
                 batch.linearisations, batch.last_step, batch.limits, batch.outlying, off[0], off[1], off[2]
             );
-            assert!(batch.linearisations <= 12 && batch.last_step < 1e-3);
+            assert!(batch.linearisations <= 8 && batch.last_step < 0.01);
+            // A spin and a second impact lie far from where the filter was linear.
+            assert!(off.iter().all(|x| *x < if class == Class::Double { 4.0 } else { 1.5 }));
         });
+    }
+}
+
+/// Against the truth: linearised about the solution the batch is no worse than the sweep.
+#[test]
+fn no_worse_than_the_sweep() {
+    let mut squares = [[0.0_f64; 3]; 2];
+    let mut count = 0.0;
+    for class in [Class::Frontal, Class::Oblique, Class::Side, Class::Rear, Class::Double, Class::Lights] {
+        for seed in 70..74 {
+            let crash = Crash::draw(class, seed, 30.0);
+            with(&crash, |ground| {
+                let batch = solve(ground).unwrap();
+                let swept = rts::means(&ground.passed.tape);
+                let last = swept.len() - 1;
+                let Some(pulse) = crash.motion.impacts.first() else { return };
+                let before = batch.problem.stages.iter().position(|s| s.k == pulse.before).unwrap();
+                count += 1.0;
+                for (sum, list) in squares.iter_mut().zip([&swept, &batch.trajectory]) {
+                    let truth = crash.truth(batch.problem.stages[last].k);
+                    let r = list[last].nav.r_n.v;
+                    let place = (r.x - truth.position[0]).hypot(r.y - truth.position[1]);
+                    let distance = truth.position[0].hypot(truth.position[1]).max(50.0);
+                    sum[0] += (place / distance).powi(2);
+                    let truth = crash.truth(pulse.before);
+                    let v = list[before].nav.v_n.v;
+                    let speed = v.norm() - truth.velocity.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    sum[1] += speed * speed;
+                    let (_, _, heading) = list[before].nav.c_nb.euler();
+                    let off = heading - truth.heading;
+                    sum[2] += off.sin().powi(2);
+                }
+            });
+        }
+    }
+    let [sweep, batch] = squares.map(|s| s.map(|x| (x / count).sqrt()));
+    println!(
+        "rms of {count} crashes, sweep and batch: place at the start {:.3} {:.3} %, impact speed {:.3} {:.3} m/s, heading at impact {:.3} {:.3} deg",
+        100.0 * sweep[0], 100.0 * batch[0], sweep[1], batch[1], sweep[2].to_degrees(), batch[2].to_degrees()
+    );
+    for (sweep, batch) in sweep.iter().zip(&batch) {
+        assert!(*batch < 1.1 * sweep);
     }
 }
 
 /// A road that the car does not keep to: the trajectory is moved to the limit, its spread is not narrowed.
 #[test]
 fn limits_hold_the_trajectory() {
-    let mut crash = Crash::draw(Class::Drive, 51, 30.0);
+    let mut scenario = Scenario::draw(Class::Drive, 51);
+    scenario.road.pitch_sd *= 2.0;
+    let mut crash = Crash::of(&scenario, 30.0);
     let free = with(&crash, |ground| solve(ground).unwrap());
-    let steepest = |batch: &Batch| {
-        batch
-            .trajectory
-            .iter()
-            .map(|n| n.nav.c_nb.euler().1.abs())
-            .fold(0.0, f64::max)
+    let most = |batch: &Batch, of: &dyn Fn(&Nominal) -> f64| {
+        batch.trajectory.iter().map(of).fold(f64::NEG_INFINITY, f64::max)
     };
+    let pitch = |n: &Nominal| n.nav.c_nb.euler().1.abs();
     // Springs add 1.5 degrees to the limit.
-    let top = steepest(&free).to_degrees();
-    crash.road.pitch_deg = (top - 1.5 - 0.2).max(0.1);
-    let limit = (crash.road.pitch_deg + 1.5).to_radians();
+    let top = most(&free, &pitch).to_degrees();
+    crash.road.pitch_deg = (top - 1.5 - 0.3).max(0.3);
+    let limit = crash.road.pitch_deg.to_radians();
     let (held, plain) = with(&crash, |ground| {
         let held = solve(ground).unwrap();
         let plain = factor(&ground.problem(&held.trajectory)).unwrap();
         (held, plain)
     });
-    println!("steepest {top:.2} deg, held to {:.2}: {:?}", steepest(&held).to_degrees(), held.limits);
-    assert!(held.limits.pitch > 0 && steepest(&held) < limit + 0.03_f64.to_radians());
+    let vertical = |n: &Nominal| {
+        let v = n.nav.v_n.v;
+        v.z.abs() - v.xy().norm() * limit.sin() - 0.1
+    };
+    let steepest = most(&held, &pitch);
+    println!(
+        "steepest {top:.2} deg, held to {:.2} of {:.2}; vertical {:.3} m/s beyond, before {:.3}; {:?}, {} linearisations",
+        steepest.to_degrees(), limit.to_degrees() + 1.5, most(&held, &vertical), most(&free, &vertical), held.limits, held.linearisations
+    );
+    assert!(held.limits.total() > 0);
+    assert!(steepest < limit + 1.55_f64.to_radians() && most(&held, &vertical) < 0.02);
     let mut narrower = 0.0_f64;
     let mut spreads = Vec::new();
     plain.covariances(|_, p| spreads.push(p[(0, 0)]));
@@ -146,10 +201,12 @@ fn clipped_samples_are_one_sided() {
     // Claim a limit where there was none: the samples say more than the state allows.
     for k in pulse.first..=pulse.last {
         crash.epochs.list[k].clipped[0] = -1.0;
+        crash.epochs.list[k].accel[0] *= 2.0;
     }
     crash.epochs.header.imu.accel_range = Some(30.0);
     with(&crash, |ground| {
         let batch = solve(ground).unwrap();
+        assert!(batch.limits.clipped > 0);
         println!("clipped: {:?}, {} linearisations", batch.limits, batch.linearisations);
         for (i, stage) in batch.problem.stages.iter().enumerate().skip(1) {
             let k = batch.problem.stages[i - 1].k;

@@ -2,7 +2,7 @@
 //!
 //! Gauss-Newton from the fixed-interval smoother's trajectory. At each linearisation the rows of wheels, sideslip, no-jump
 //! and road get Huber's weight for their residual, and each limit that the trajectory crosses gets a row
-//! ([`super::limits`]). It ends where no state moves by more than a thousandth of its standard deviation. One that does not
+//! ([`super::limits`]). It ends where no state moves by more than a hundredth of its standard deviation. One that does not
 //! end is an error.
 //!
 //! The covariance is that of the last linearisation, with the robust weights and without the limits' rows: recursions over
@@ -20,9 +20,15 @@ use crate::refined::tape::Source;
 /// Huber's bound: residuals beyond so many of their own standard deviations count linearly.
 const HUBER: f64 = 2.5;
 /// Largest step that counts as none, in standard deviations of the filter.
-const CONVERGED: f64 = 1e-3;
+const CONVERGED: f64 = 0.01;
+/// Standard deviations below these count as these: a heading that is zero by definition need not settle to a nanoradian.
+/// Position, m; velocity, m/s; angles, rad.
+const FINE: [f64; 3] = [1e-3, 1e-3, 1e-5];
 /// Most linearisations.
-const MOST: usize = 20;
+const MOST: usize = 30;
+/// The first linearisations keep the limits so many times less closely: a set of limits chosen far from the solution is
+/// the wrong one.
+const SOFT: [f64; 2] = [10.0, 3.0];
 
 /// A solved record.
 #[derive(Clone, Debug)]
@@ -55,7 +61,8 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         let mut plain = ground.problem(&trajectory);
         let outlying = weigh(&mut plain);
         let mut held = plain.clone();
-        let used = limits::hold(ground, &mut held, &trajectory);
+        let soft = SOFT.get(round - 1).copied().unwrap_or(1.0);
+        let used = limits::hold(ground, &mut held, &trajectory, soft);
         let solved = factor(&held)?;
         let means = solved.means();
         last_step = 0.0;
@@ -66,7 +73,7 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         if !last_step.is_finite() {
             break;
         }
-        if last_step < CONVERGED {
+        if last_step < CONVERGED && (soft <= 1.0 || used.total() == 0) {
             let factor = if used.total() > 0 { factor(&plain)? } else { solved };
             return Ok(Batch {
                 trajectory,
@@ -89,8 +96,9 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
 
 /// Largest entry over its standard deviation.
 fn largest(x: &Row, variance: impl Fn(usize) -> f64) -> f64 {
+    let fine = |s: usize| FINE.get(s / 3).copied().unwrap_or(1e-9);
     (0..DIM)
-        .map(|s| x[s].abs() / variance(s).max(1e-18).sqrt())
+        .map(|s| x[s].abs() / variance(s).max(0.0).sqrt().max(fine(s)))
         .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
 }
 

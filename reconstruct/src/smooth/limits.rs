@@ -50,8 +50,13 @@ impl LimitUse {
     }
 }
 
-/// Adds a row for each limit that `trajectory` crosses.
-pub(crate) fn hold(ground: &Ground<'_>, problem: &mut Problem, trajectory: &[Nominal]) -> LimitUse {
+/// Adds a row for each limit that `trajectory` crosses, `soft` times less closely than it is to be kept.
+pub(crate) fn hold(
+    ground: &Ground<'_>,
+    problem: &mut Problem,
+    trajectory: &[Nominal],
+    soft: f64,
+) -> LimitUse {
     let mut used = LimitUse::default();
     let mut rows = Vec::with_capacity(problem.rows.len());
     for i in 0..problem.stages.len() {
@@ -65,6 +70,13 @@ pub(crate) fn hold(ground: &Ground<'_>, problem: &mut Problem, trajectory: &[Nom
         // A stand is told to stand still already.
         if stage.transition.is_some_and(|t| !t.stands()) {
             wheels(ground, stage.k, &trajectory[i], &mut rows, &mut used);
+        }
+        let own = from + stage.rows.len();
+        for row in &mut rows[own..] {
+            row.r *= soft * soft;
+        }
+        for bound in &mut stage.bounds {
+            bound.sd *= soft;
         }
         stage.rows = from..rows.len();
     }

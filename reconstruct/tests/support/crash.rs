@@ -7,7 +7,7 @@ use reconstruct::motion::Motion;
 use reconstruct::refined::pass::{self, Given, Passed};
 use reconstruct::rest::{self, RestInterval};
 use reconstruct::road::RoadLimits;
-use reconstruct::simulate::{Class, Scenario, simulate};
+use reconstruct::simulate::{Class, Scenario, TruthRow, simulate};
 use reconstruct::start::{self, Start};
 use schema::Sample;
 use schema::num::round_usize;
@@ -21,6 +21,10 @@ pub(crate) struct Crash {
     pub(crate) motion: Motion,
     pub(crate) road: RoadLimits,
     pub(crate) tuning: reconstruct::refined::Tuning,
+    /// What really happened, and the sample that the first epoch is.
+    #[allow(dead_code, reason = "not every test looks at the truth")]
+    pub(crate) rows: Vec<TruthRow>,
+    from: usize,
 }
 
 impl Crash {
@@ -40,7 +44,7 @@ impl Crash {
             .collect();
         let start_s = (schema::num::real(from) - 1.0) * 0.01;
         let epochs = Epochs::from_samples(scenario.header(), &list, start_s, &[]).unwrap();
-        Self::from_epochs(epochs)
+        Self::from_epochs(epochs, simulated.truth.rows.clone(), from)
     }
 
     /// Keeps the first `n` epochs.
@@ -48,10 +52,10 @@ impl Crash {
     pub(crate) fn cut(&mut self, n: usize) {
         let mut epochs = self.epochs.clone();
         epochs.list.truncate(n);
-        *self = Self::from_epochs(epochs);
+        *self = Self::from_epochs(epochs, std::mem::take(&mut self.rows), self.from);
     }
 
-    fn from_epochs(epochs: Epochs) -> Self {
+    fn from_epochs(epochs: Epochs, rows: Vec<TruthRow>, from: usize) -> Self {
         let earth = Earth::flat();
         let rest = rest::find(&epochs, earth.gravity);
         let start = if rest.found() {
@@ -68,7 +72,15 @@ impl Crash {
             motion,
             road: RoadLimits::default(),
             tuning: reconstruct::refined::Tuning::default(),
+            rows,
+            from,
         }
+    }
+
+    /// The truth at the end of an epoch.
+    #[allow(dead_code, reason = "not every test looks at the truth")]
+    pub(crate) fn truth(&self, k: usize) -> &TruthRow {
+        &self.rows[self.from + k]
     }
 
     pub(crate) fn setup(&self) -> Setup<'_> {
