@@ -102,10 +102,10 @@ fn settles_near_the_sweep() {
                 }
             });
             println!(
-                "{class} {seed}: {} linearisations, last step {:.1e}, limits {:?}, outlying {:?}, off the sweep by {:.2} {:.2} {:.2} sd",
-                batch.linearisations, batch.last_step, batch.limits, batch.outlying, off[0], off[1], off[2]
+                "{class} {seed}: {} linearisations, step left {:.1e}, limits {:?}, outlying {:?}, off the sweep by {:.2} {:.2} {:.2} sd",
+                batch.linearisations, batch.left, batch.limits, batch.outlying, off[0], off[1], off[2]
             );
-            assert!(batch.linearisations <= 8 && batch.last_step < 0.01);
+            assert!(batch.linearisations <= 8 && batch.left < 0.01);
             // A spin and a second impact lie far from where the filter was linear.
             assert!(off.iter().all(|x| *x < if class == Class::Double { 4.0 } else { 1.5 }));
         });

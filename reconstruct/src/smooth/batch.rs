@@ -2,8 +2,8 @@
 //!
 //! Gauss-Newton from the fixed-interval smoother's trajectory. At each linearisation the rows of wheels, sideslip, no-jump
 //! and road get Huber's weight for their residual, and each limit that the trajectory crosses gets a row
-//! ([`super::limits`]). It ends where no state moves by more than a hundredth of its standard deviation. One that does not
-//! end is an error.
+//! ([`super::limits`]). It ends where no state would move by more than a hundredth of its standard deviation. One that does
+//! not end is an error.
 //!
 //! The covariance is that of the last linearisation, with the robust weights and without the limits' rows: recursions over
 //! the blocks of the factor give it for every epoch ([`super::posterior`]).
@@ -41,8 +41,8 @@ pub struct Batch {
     pub factor: Factor,
     /// Linearisations needed.
     pub linearisations: usize,
-    /// Largest last step of any state, in standard deviations of the filter.
-    pub last_step: f64,
+    /// Largest step of any state that is left, in standard deviations of the filter.
+    pub left: f64,
     /// Limits that held the trajectory.
     pub limits: LimitUse,
     /// Rows whose residual was beyond Huber's bound, by source.
@@ -56,7 +56,7 @@ pub struct Batch {
 pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     let tape = &ground.passed.tape;
     let mut trajectory = rts::means(tape);
-    let mut last_step = f64::INFINITY;
+    let (mut last_step, mut left) = (f64::INFINITY, f64::INFINITY);
     for round in 1..=MOST {
         let mut plain = ground.problem(&trajectory);
         let outlying = weigh(&mut plain);
@@ -65,6 +65,7 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         let used = limits::hold(ground, &mut held, &trajectory, soft);
         let solved = factor(&held)?;
         let means = solved.means();
+        let before = last_step;
         last_step = 0.0;
         for ((x, nominal), step) in means.iter().zip(&mut trajectory).zip(&tape.steps) {
             last_step = last_step.max(largest(x, |s| step.p[(s, s)]));
@@ -73,14 +74,20 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         if !last_step.is_finite() {
             break;
         }
-        if last_step < CONVERGED && (soft <= 1.0 || used.total() == 0) {
+        // Steps shrink by a steady share where no limit joins or leaves: the next one is known before it is made.
+        left = if used.total() == 0 && before.is_finite() {
+            last_step * (last_step / before).min(1.0)
+        } else {
+            last_step
+        };
+        if left < CONVERGED && (soft <= 1.0 || used.total() == 0) {
             let factor = if used.total() > 0 { factor(&plain)? } else { solved };
             return Ok(Batch {
                 trajectory,
                 problem: plain,
                 factor,
                 linearisations: round,
-                last_step,
+                left,
                 limits: used,
                 outlying,
             });
@@ -89,7 +96,7 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     Err(ReconstructError::Numeric {
         place: "batch smoother",
         what: format!(
-            "expected to settle within {MOST} linearisations, found a last step of {last_step:.3} standard deviations"
+            "expected to settle within {MOST} linearisations, found a step of {left:.3} standard deviations left"
         ),
     })
 }

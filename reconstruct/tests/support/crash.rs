@@ -29,6 +29,7 @@ pub(crate) struct Crash {
 
 impl Crash {
     /// From `before_s` before the event to the end.
+    #[allow(dead_code, reason = "a benchmark has its own scenario")]
     pub(crate) fn draw(class: Class, seed: u64, before_s: f64) -> Self {
         Self::of(&Scenario::draw(class, seed), before_s)
     }
