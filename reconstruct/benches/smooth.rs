@@ -18,8 +18,8 @@ use std::time::Instant;
 
 use crash::Crash;
 use nalgebra::{SMatrix, SVector};
-use reconstruct::refined::{self, Tuning};
 use reconstruct::refined::pass::Given;
+use reconstruct::refined::{self, Tuning};
 use reconstruct::simulate::{Class, Scenario};
 use reconstruct::smooth::Smoother;
 use reconstruct::smooth::batch::solve;
@@ -91,7 +91,11 @@ fn main() {
         time(0, &mut || {
             black_box(floor(n, black_box(&rows)));
         });
-        for (at, smoother) in [(1, Smoother::None), (2, Smoother::Rts), (3, Smoother::Batch)] {
+        for (at, smoother) in [
+            (1, Smoother::None),
+            (2, Smoother::Rts),
+            (3, Smoother::Batch),
+        ] {
             time(at, &mut || {
                 black_box(refined::run(&setup, &crash.rest, &tuning, smoother).unwrap());
             });
@@ -116,12 +120,20 @@ fn main() {
     println!("{n} epochs; medians (least of all rounds in brackets)");
     let epoch = |name: &str, [t, least]: [f64; 2]| {
         let us = |t: f64| t / real(n) * 1e6;
-        println!("{name:15} {:.1} ({:.1}) us an epoch, {:.2} of the floor", us(t), us(least), t / floor[0]);
+        println!(
+            "{name:15} {:.1} ({:.1}) us an epoch, {:.2} of the floor",
+            us(t),
+            us(least),
+            t / floor[0]
+        );
     };
     epoch("floor", floor);
     epoch("pass", pass);
     epoch("pass and rts", rts);
     for (name, [t, least]) in [("pass and batch", batch), ("batch alone", solved)] {
-        println!("{name:15} {t:.3} ({least:.3}) s a record, {:.2} of the floor", t / floor[0]);
+        println!(
+            "{name:15} {t:.3} ({least:.3}) s a record, {:.2} of the floor",
+            t / floor[0]
+        );
     }
 }

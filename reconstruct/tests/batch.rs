@@ -71,7 +71,12 @@ fn batch_meets_the_sweep_where_both_are_linear() {
             let off = apart(want, p, 0..DIM);
             if off > 1e-8 && cov_off < 1e-8 {
                 for s in 0..DIM {
-                    println!("stage {i} state {s}: rts {:.3e} batch {:.3e} filter {:.3e}", want[(s, s)], p[(s, s)], tape.steps[i].p[(s, s)]);
+                    println!(
+                        "stage {i} state {s}: rts {:.3e} batch {:.3e} filter {:.3e}",
+                        want[(s, s)],
+                        p[(s, s)],
+                        tape.steps[i].p[(s, s)]
+                    );
                 }
             }
             cov_off = cov_off.max(off);
@@ -149,7 +154,8 @@ fn dense(tape: &Tape) -> (DVector<f64>, DMatrix<f64>) {
                 + DMatrix::from_column_slice(DIM, DIM, q.as_slice());
             p.view_mut((at, at), (DIM, DIM)).copy_from(&own);
         } else {
-            mean.rows_mut(at, DIM).copy_from(&-DVector::from_column_slice(after.as_slice()));
+            mean.rows_mut(at, DIM)
+                .copy_from(&-DVector::from_column_slice(after.as_slice()));
             let prior = DMatrix::from_column_slice(DIM, DIM, tape.prior.as_slice());
             p.view_mut((at, at), (DIM, DIM)).copy_from(&prior);
         }
@@ -157,7 +163,8 @@ fn dense(tape: &Tape) -> (DVector<f64>, DMatrix<f64>) {
     // residual = h (x + c_j) + n.
     for (at, z, after) in rows {
         let mut h = DVector::zeros(size);
-        h.rows_mut(at, DIM).copy_from(&DVector::from_column_slice(z.h.as_slice()));
+        h.rows_mut(at, DIM)
+            .copy_from(&DVector::from_column_slice(z.h.as_slice()));
         let ph = &p * &h;
         let s = h.dot(&ph) + z.r;
         let innovation = z.residual - z.h.dot(&after) - h.dot(&mean);
@@ -196,7 +203,11 @@ fn sweep_and_batch_meet_dense_algebra() {
             let off = [&p_batch[i], &swept[i].1].map(|p| apart(&want, p, 0..DIM));
             assert!(off[0] < 1e-8 && off[1] < 1e-8, "covariance {i}: {off:?}");
             assert!(
-                apart(&want, &Cov::from(swept[i].2.covariance::<DIM>(&tape.steps[i].p)), 0..9) < 1e-8
+                apart(
+                    &want,
+                    &Cov::from(swept[i].2.covariance::<DIM>(&tape.steps[i].p)),
+                    0..9
+                ) < 1e-8
             );
         }
         for (early, late) in [(0, 11), (3, 7), (5, 6)] {

@@ -57,20 +57,30 @@ fn rebuilt_problem_is_the_one_on_the_tape() {
                     let sd = tape.steps[i].p[(s, s)].sqrt();
                     offset = offset.max((a.offset[s] - b.offset[s]).abs() / sd);
                 }
-                let x = nalgebra::SVector::<f64, DIM>::from_fn(|s, _| tape.steps[i].p[(s, s)].sqrt());
+                let x =
+                    nalgebra::SVector::<f64, DIM>::from_fn(|s, _| tape.steps[i].p[(s, s)].sqrt());
                 if let (Some(a), Some(b)) = (&a.transition, &b.transition) {
                     let off = a.apply(&x) - b.apply(&x);
                     for s in 0..DIM {
                         slope = slope.max(off[s].abs() / tape.steps[i].p[(s, s)].sqrt());
                     }
                 }
-                for (a, b) in rebuilt.rows[a.rows.clone()].iter().zip(&taped.rows[b.rows.clone()]) {
+                for (a, b) in rebuilt.rows[a.rows.clone()]
+                    .iter()
+                    .zip(&taped.rows[b.rows.clone()])
+                {
                     let off = (a.residual - b.residual).abs() / b.r.sqrt();
                     // Levelling at a stand corrects tilt, heading and bias at once: products of them show.
-                    row = row.max(if b.source == Source::Levelling { 0.05 * off } else { off });
+                    row = row.max(if b.source == Source::Levelling {
+                        0.05 * off
+                    } else {
+                        off
+                    });
                 }
             }
-            println!("{class} {seed}: offset {offset:.1e}, rows {row:.1e}, steps {slope:.1e} of the sd");
+            println!(
+                "{class} {seed}: offset {offset:.1e}, rows {row:.1e}, steps {slope:.1e} of the sd"
+            );
             // What is left is of second order in the corrections of one epoch.
             assert!(offset < 0.01 && row < 0.05 && slope < 1e-9);
         });
@@ -103,11 +113,20 @@ fn settles_near_the_sweep() {
             });
             println!(
                 "{class} {seed}: {} linearisations, step left {:.1e}, limits {:?}, outlying {:?}, off the sweep by {:.2} {:.2} {:.2} sd",
-                batch.linearisations, batch.left, batch.limits, batch.outlying, off[0], off[1], off[2]
+                batch.linearisations,
+                batch.left,
+                batch.limits,
+                batch.outlying,
+                off[0],
+                off[1],
+                off[2]
             );
             assert!(batch.linearisations <= 8 && batch.left < 0.01);
             // A spin and a second impact lie far from where the filter was linear.
-            assert!(off.iter().all(|x| *x < if class == Class::Double { 4.0 } else { 1.5 }));
+            assert!(
+                off.iter()
+                    .all(|x| *x < if class == Class::Double { 4.0 } else { 1.5 })
+            );
         });
     }
 }
@@ -117,15 +136,29 @@ fn settles_near_the_sweep() {
 fn no_worse_than_the_sweep() {
     let mut squares = [[0.0_f64; 3]; 2];
     let mut count = 0.0;
-    for class in [Class::Frontal, Class::Oblique, Class::Side, Class::Rear, Class::Double, Class::Lights] {
+    for class in [
+        Class::Frontal,
+        Class::Oblique,
+        Class::Side,
+        Class::Rear,
+        Class::Double,
+        Class::Lights,
+    ] {
         for seed in 70..74 {
             let crash = Crash::draw(class, seed, 30.0);
             with(&crash, |ground| {
                 let batch = solve(ground).unwrap();
                 let swept = rts::means(&ground.passed.tape);
                 let last = swept.len() - 1;
-                let Some(pulse) = crash.motion.impacts.first() else { return };
-                let before = batch.problem.stages.iter().position(|s| s.k == pulse.before).unwrap();
+                let Some(pulse) = crash.motion.impacts.first() else {
+                    return;
+                };
+                let before = batch
+                    .problem
+                    .stages
+                    .iter()
+                    .position(|s| s.k == pulse.before)
+                    .unwrap();
                 count += 1.0;
                 for (sum, list) in squares.iter_mut().zip([&swept, &batch.trajectory]) {
                     let truth = crash.truth(batch.problem.stages[last].k);
@@ -147,7 +180,12 @@ fn no_worse_than_the_sweep() {
     let [sweep, batch] = squares.map(|s| s.map(|x| (x / count).sqrt()));
     println!(
         "rms of {count} crashes, sweep and batch: place at the start {:.3} {:.3} %, impact speed {:.3} {:.3} m/s, heading at impact {:.3} {:.3} deg",
-        100.0 * sweep[0], 100.0 * batch[0], sweep[1], batch[1], sweep[2].to_degrees(), batch[2].to_degrees()
+        100.0 * sweep[0],
+        100.0 * batch[0],
+        sweep[1],
+        batch[1],
+        sweep[2].to_degrees(),
+        batch[2].to_degrees()
     );
     for (sweep, batch) in sweep.iter().zip(&batch) {
         assert!(*batch < 1.1 * sweep);
@@ -162,7 +200,11 @@ fn limits_hold_the_trajectory() {
     let mut crash = Crash::of(&scenario, 30.0);
     let free = with(&crash, |ground| solve(ground).unwrap());
     let most = |batch: &Batch, of: &dyn Fn(&Nominal) -> f64| {
-        batch.trajectory.iter().map(of).fold(f64::NEG_INFINITY, f64::max)
+        batch
+            .trajectory
+            .iter()
+            .map(of)
+            .fold(f64::NEG_INFINITY, f64::max)
     };
     let pitch = |n: &Nominal| n.nav.c_nb.euler().1.abs();
     // Springs add 1.5 degrees to the limit.
@@ -181,7 +223,12 @@ fn limits_hold_the_trajectory() {
     let steepest = most(&held, &pitch);
     println!(
         "steepest {top:.2} deg, held to {:.2} of {:.2}; vertical {:.3} m/s beyond, before {:.3}; {:?}, {} linearisations",
-        steepest.to_degrees(), limit.to_degrees() + 1.5, most(&held, &vertical), most(&free, &vertical), held.limits, held.linearisations
+        steepest.to_degrees(),
+        limit.to_degrees() + 1.5,
+        most(&held, &vertical),
+        most(&free, &vertical),
+        held.limits,
+        held.linearisations
     );
     assert!(held.limits.total() > 0);
     assert!(steepest < limit + 1.55_f64.to_radians() && most(&held, &vertical) < 0.02);
@@ -189,7 +236,8 @@ fn limits_hold_the_trajectory() {
     let mut spreads = Vec::new();
     plain.covariances(|_, p| spreads.push(p[(0, 0)]));
     let mut found = spreads.iter();
-    held.factor.covariances(|_, p| narrower = narrower.max(1.0 - p[(0, 0)] / found.next().unwrap()));
+    held.factor
+        .covariances(|_, p| narrower = narrower.max(1.0 - p[(0, 0)] / found.next().unwrap()));
     assert!(narrower < 0.02, "narrower by {narrower}");
 }
 
@@ -197,7 +245,7 @@ fn limits_hold_the_trajectory() {
 #[test]
 fn clipped_samples_are_one_sided() {
     let mut crash = Crash::draw(Class::Frontal, 52, 30.0);
-    let pulse = crash.motion.impacts[0].clone();
+    let pulse = crash.motion.impacts[0];
     // Claim a limit where there was none: the samples say more than the state allows.
     for k in pulse.first..=pulse.last {
         crash.epochs.list[k].clipped[0] = -1.0;
@@ -207,7 +255,10 @@ fn clipped_samples_are_one_sided() {
     with(&crash, |ground| {
         let batch = solve(ground).unwrap();
         assert!(batch.limits.clipped > 0);
-        println!("clipped: {:?}, {} linearisations", batch.limits, batch.linearisations);
+        println!(
+            "clipped: {:?}, {} linearisations",
+            batch.limits, batch.linearisations
+        );
         for (i, stage) in batch.problem.stages.iter().enumerate().skip(1) {
             let k = batch.problem.stages[i - 1].k;
             let epoch = &crash.epochs.list[k];
@@ -215,13 +266,20 @@ fn clipped_samples_are_one_sided() {
                 continue;
             }
             let column = batch.trajectory[i - 1].nav.c_nb.m.column(0) / epoch.dt;
-            let taken = ground.passed.inputs.accel[k][0]
-                + column.dot(&stage.offset.fixed_rows::<3>(3));
+            let taken =
+                ground.passed.inputs.accel[k][0] + column.dot(&stage.offset.fixed_rows::<3>(3));
             // Specific force backwards, at least as far as the sensor showed.
-            assert!(taken < epoch.accel[0] + 0.5, "epoch {k}: {taken} {}", epoch.accel[0]);
+            assert!(
+                taken < epoch.accel[0] + 0.5,
+                "epoch {k}: {taken} {}",
+                epoch.accel[0]
+            );
         }
     });
 }
+
+/// Sample paths drawn.
+const COUNT: usize = 400;
 
 /// The same seed gives the same paths, and their spread is the posterior's.
 #[test]
@@ -229,7 +287,6 @@ fn paths_have_the_joint_covariance() {
     with(&Crash::draw(Class::Oblique, 61, 20.0), |ground| {
         let batch = solve(ground).unwrap();
         let n = batch.trajectory.len();
-        const COUNT: usize = 400;
         let paths = batch.paths(COUNT, 7);
         assert_eq!(paths[..3], batch.paths(3, 7)[..]);
         assert_ne!(paths[0], batch.paths(1, 8)[0]);
@@ -251,7 +308,13 @@ fn paths_have_the_joint_covariance() {
         };
         let mut covs = vec![Cov::zeros(); n];
         batch.factor.covariances(|i, p| covs[i] = *p);
-        for (a, b) in [(n - 1, n - 1), (n / 2, n / 2), (n / 4, n / 4), (n / 2, n - 1), (n / 4, n / 2)] {
+        for (a, b) in [
+            (n - 1, n - 1),
+            (n / 2, n / 2),
+            (n / 4, n / 4),
+            (n / 2, n - 1),
+            (n / 4, n / 2),
+        ] {
             // Errors are estimate minus truth, paths are truth minus estimate: the covariance is the same.
             let want = batch.factor.cross(a, b, &covs[b]);
             let found = sampled(a, b);
@@ -269,7 +332,11 @@ fn paths_have_the_joint_covariance() {
 }
 
 /// Variance of `a . x` of the last step of the pass with the gains kept and all sources off but those of `keep`.
-fn with_gains_kept(tape: &Tape, a: &nalgebra::SVector<f64, DIM>, keep: impl Fn(Option<Source>, usize) -> bool) -> f64 {
+fn with_gains_kept(
+    tape: &Tape,
+    a: &nalgebra::SVector<f64, DIM>,
+    keep: impl Fn(Option<Source>, usize) -> bool,
+) -> f64 {
     let mut p = Cov::zeros();
     for r in 0..DIM {
         for c in 0..DIM {
@@ -323,12 +390,24 @@ fn budget_adds_up_and_meets_sources_turned_off() {
             assert!((sum - 1.0).abs() < 1e-12);
         }
         for figure in figures(ground, &batch.problem, &batch.trajectory) {
-            let sd = budget(ground, &batch.problem, &batch.factor, &batch.trajectory, &figure).unwrap().sd;
+            let sd = budget(
+                ground,
+                &batch.problem,
+                &batch.factor,
+                &batch.trajectory,
+                &figure,
+            )
+            .unwrap()
+            .sd;
             assert!((batch.factor.variance(&figure.terms).sqrt() / sd - 1.0).abs() < 1e-6);
             if let [(stage, a)] = figure.terms.as_slice() {
                 let a = a.fixed_rows::<9>(0);
                 let want = (a.transpose() * nines[*stage] * a)[0].sqrt();
-                assert!((sd / want - 1.0).abs() < 1e-6, "{}: {sd} {want}", figure.name);
+                assert!(
+                    (sd / want - 1.0).abs() < 1e-6,
+                    "{}: {sd} {want}",
+                    figure.name
+                );
             }
         }
         // The tape's own problem: at the last step of the pass the gains are the filter's.
@@ -345,7 +424,12 @@ fn budget_adds_up_and_meets_sources_turned_off() {
         let whole = with_gains_kept(tape, &a, |_, _| true);
         assert!((whole.sqrt() / found.sd - 1.0).abs() < 1e-6);
         let share = |causes: &[Cause]| -> f64 {
-            found.shares.iter().filter(|(c, _)| causes.contains(c)).map(|(_, s)| s).sum()
+            found
+                .shares
+                .iter()
+                .filter(|(c, _)| causes.contains(c))
+                .map(|(_, s)| s)
+                .sum()
         };
         // Sources, states of the prior (and jumps) off; 100 stands for the noise of the steps.
         let cases: [(&[Cause], Option<Source>, std::ops::Range<usize>); 9] = [
@@ -354,7 +438,11 @@ fn budget_adds_up_and_meets_sources_turned_off() {
             (&[Cause::Mounting], None, 17..19),
             (&[Cause::GyroBias], None, 19..22),
             (&[Cause::WheelScale], None, 25..27),
-            (&[Cause::WheelNoise, Cause::Quantisation], Some(Source::Wheel), 0..0),
+            (
+                &[Cause::WheelNoise, Cause::Quantisation],
+                Some(Source::Wheel),
+                0..0,
+            ),
             (&[Cause::RoadLimits], Some(Source::Road), 0..0),
             (&[Cause::Levelling], Some(Source::Levelling), 0..0),
             (&[Cause::NoJump], Some(Source::Jump), 0..0),
@@ -365,7 +453,11 @@ fn budget_adds_up_and_meets_sources_turned_off() {
                 None => !states.contains(&state),
             });
             let want = 1.0 - left / whole;
-            assert!((share(causes) - want).abs() < 1e-6, "{causes:?}: {} {want}", share(causes));
+            assert!(
+                (share(causes) - want).abs() < 1e-6,
+                "{causes:?}: {} {want}",
+                share(causes)
+            );
         }
         // The gyro's scale owns the prior of its states and the bent part of the steps' noise.
         let left = with_gains_kept(tape, &a, |s, state| s.is_some() || state != 100);
@@ -377,6 +469,9 @@ fn budget_adds_up_and_meets_sources_turned_off() {
             Cause::GyroVibration,
             Cause::GapsAndLimits,
         ]);
-        assert!(noise >= steps - 1e-9 && noise - steps < share(&[Cause::GyroScale]) + share(&[Cause::Rest]) + 1e-9);
+        assert!(
+            noise >= steps - 1e-9
+                && noise - steps < share(&[Cause::GyroScale]) + share(&[Cause::Rest]) + 1e-9
+        );
     });
 }

@@ -195,7 +195,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{confidence, model, rest_pose};
+    use super::{Smoother, confidence, model, rest_pose, smoother};
 
     #[test]
     fn arguments() {
@@ -214,6 +214,12 @@ mod tests {
             assert!(rest_pose(wrong).is_err(), "{wrong}");
         }
         assert!(model("refined").unwrap_err().contains("not available yet"));
+        assert_eq!(smoother("batch"), Ok(Smoother::Batch));
+        assert!(
+            smoother("kalman")
+                .unwrap_err()
+                .contains("rts, batch or none")
+        );
         assert!(confidence("1").is_err() && confidence("0.5").is_ok());
     }
 }

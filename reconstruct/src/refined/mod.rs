@@ -79,8 +79,17 @@ pub fn run(
     };
     // What comes behind the start stands still, or was not heard.
     let list = answer.list;
-    let held = list.iter().rev().flatten().next().cloned().ok_or_else(missing)?;
-    let snapshots = list.into_iter().map(|s| s.unwrap_or_else(|| held.clone())).collect();
+    let held = list
+        .iter()
+        .rev()
+        .flatten()
+        .next()
+        .cloned()
+        .ok_or_else(missing)?;
+    let snapshots = list
+        .into_iter()
+        .map(|s| s.unwrap_or_else(|| held.clone()))
+        .collect();
     Ok(Refined {
         snapshots,
         wheels: passed.wheels,
@@ -116,7 +125,7 @@ fn by_sweep(setup: &Setup<'_>, passed: &Passed, smoother: Smoother) -> Answer {
         let nominal = adjoint.nominal(&step.nominal, &step.p);
         let nine = adjoint.covariance::<STATES>(&step.p);
         let variance = |h: &Row| adjoint.variance(&step.p, h);
-        answer.list[step.k] = Some(snapshot(setup, passed, step.k, &nominal, nine, variance));
+        answer.list[step.k] = Some(snapshot(setup, passed, step.k, &nominal, &nine, variance));
         for (pulse, joint) in impacts.iter().zip(&mut answer.joint) {
             // The pulse's end is passed first, on the way back from rest.
             if pulse.before == step.k && pulse.last <= setup.start.k && pulse.last > pulse.before {
@@ -154,7 +163,14 @@ fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
         let k = steps[i].k;
         let nominal = solved.trajectory[i];
         let variance = |h: &Row| h.dot(&(p * h));
-        answer.list[k] = Some(snapshot(setup, ground.passed, k, &nominal, nine(p), variance));
+        answer.list[k] = Some(snapshot(
+            setup,
+            ground.passed,
+            k,
+            &nominal,
+            &nine(p),
+            variance,
+        ));
         for ((pulse, open), joint) in impacts.iter().zip(&mut open).zip(&mut answer.joint) {
             if pulse.before == k && pulse.last <= setup.start.k && pulse.last > pulse.before {
                 *open = Some((i, *p));
@@ -181,10 +197,18 @@ fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
 fn joined(start: &Cov, end: &Cov, cross: &Cov) -> Joint {
     let mut joint = Joint::zeros();
     let block = nine(cross);
-    joint.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&nine(start));
-    joint.fixed_view_mut::<STATES, STATES>(STATES, STATES).copy_from(&nine(end));
-    joint.fixed_view_mut::<STATES, STATES>(STATES, 0).copy_from(&block);
-    joint.fixed_view_mut::<STATES, STATES>(0, STATES).copy_from(&block.transpose());
+    joint
+        .fixed_view_mut::<STATES, STATES>(0, 0)
+        .copy_from(&nine(start));
+    joint
+        .fixed_view_mut::<STATES, STATES>(STATES, STATES)
+        .copy_from(&nine(end));
+    joint
+        .fixed_view_mut::<STATES, STATES>(STATES, 0)
+        .copy_from(&block);
+    joint
+        .fixed_view_mut::<STATES, STATES>(0, STATES)
+        .copy_from(&block.transpose());
     joint
 }
 
@@ -198,7 +222,11 @@ fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> O
         at_early.retreat(tape, i);
     }
     let cross = cross_covariance(tape, early, late, at_late);
-    Some(joined(&at_late.whole(&tape.steps[late].p), &at_early.whole(&tape.steps[early].p), &cross))
+    Some(joined(
+        &at_late.whole(&tape.steps[late].p),
+        &at_early.whole(&tape.steps[early].p),
+        &cross,
+    ))
 }
 
 fn snapshot(
@@ -206,7 +234,7 @@ fn snapshot(
     passed: &Passed,
     k: usize,
     nominal: &Nominal,
-    p: SMatrix<f64, STATES, STATES>,
+    p: &SMatrix<f64, STATES, STATES>,
     variance: impl Fn(&Row) -> f64,
 ) -> Snapshot {
     let epochs = setup.reversed.forward();
@@ -221,11 +249,13 @@ fn snapshot(
         h.fixed_rows_mut::<3>(ATT).copy_from(&tilt);
         h[BA + axis] = 1.0;
         h[SA + axis] = epoch.accel[axis];
-        (variance(&h) + density.accel[axis] / epoch.dt).max(0.0).sqrt()
+        (variance(&h) + density.accel[axis] / epoch.dt)
+            .max(0.0)
+            .sqrt()
     });
     Snapshot {
         nav: nominal.nav,
-        p,
+        p: *p,
         sd_accel,
         wheels_used: passed.wheels_used[k],
     }

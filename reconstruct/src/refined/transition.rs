@@ -276,11 +276,7 @@ fn noise(
             q.fixed_view_mut::<3, 3>(c, r).copy_from(&m.transpose());
         }
     };
-    set(
-        POS,
-        POS,
-        sa * (h2 * h / 3.0) + aga * (h2 * h2 * h / 20.0),
-    );
+    set(POS, POS, sa * (h2 * h / 3.0) + aga * (h2 * h2 * h / 20.0));
     set(POS, VEL, sa * (-h2 / 2.0) - aga * (h2 * h2 / 8.0));
     set(POS, ATT, ag * (h2 * h / 6.0));
     set(VEL, VEL, sa * h + aga * (h2 * h / 3.0));
@@ -326,12 +322,16 @@ mod tests {
         f.view_mut((0, BG), (9, 6)).copy_from(&b.columns(9, 6));
         let c = view.c_mid.m;
         let pitched = |v: &Vector3<f64>| c * Vector3::y().cross(v);
-        f.view_mut((VEL, MOUNT_PITCH), (3, 1)).copy_from(&pitched(&f_b.v));
-        f.view_mut((ATT, MOUNT_PITCH), (3, 1)).copy_from(&-pitched(&w_b.v));
+        f.view_mut((VEL, MOUNT_PITCH), (3, 1))
+            .copy_from(&pitched(&f_b.v));
+        f.view_mut((ATT, MOUNT_PITCH), (3, 1))
+            .copy_from(&-pitched(&w_b.v));
         let mut w = DMatrix::zeros(DIM, DIM);
         let spread = |d: &Vector3<f64>| c * Matrix3::from_diagonal(d) * c.transpose();
-        w.view_mut((VEL, VEL), (3, 3)).copy_from(&spread(&density.accel));
-        w.view_mut((ATT, ATT), (3, 3)).copy_from(&spread(&density.rate));
+        w.view_mut((VEL, VEL), (3, 3))
+            .copy_from(&spread(&density.accel));
+        w.view_mut((ATT, ATT), (3, 3))
+            .copy_from(&spread(&density.rate));
         let (phi, q) = van_loan(&-f, &w, h).unwrap();
         for j in 0..DIM {
             let mut e = Row::zeros();

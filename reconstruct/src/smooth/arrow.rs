@@ -153,7 +153,11 @@ impl Chain {
         // x_{i-1} = Phi^-1 (x_i + c - L w).
         let shifted = ordered(&shift);
         for row in self.r.iter_mut() {
-            let moved: f64 = row[..DIM].iter().zip(shifted.iter()).map(|(a, b)| a * b).sum();
+            let moved: f64 = row[..DIM]
+                .iter()
+                .zip(shifted.iter())
+                .map(|(a, b)| a * b)
+                .sum();
             row[DIM] -= moved;
         }
         let mut a = [[0.0; STEP]; 2 * LOCAL];
@@ -195,8 +199,8 @@ impl Chain {
             leap: None,
         };
         for (j, row) in top.iter().enumerate() {
-            for c in j..LOCAL {
-                link.rw[(j, c)] = row[c];
+            for (c, x) in row[..LOCAL].iter().enumerate().skip(j) {
+                link.rw[(j, c)] = *x;
             }
             let y = unordered(&Row::from_column_slice(&row[LOCAL..LOCAL + DIM]));
             link.ry.set_row(j, &y.transpose());
@@ -236,8 +240,8 @@ impl Chain {
             z: SVector::zeros(),
         };
         for (j, row) in top.iter().enumerate() {
-            for c in j..JUMPING {
-                leap.rw[(j, c)] = row[c];
+            for (c, x) in row[..JUMPING].iter().enumerate().skip(j) {
+                leap.rw[(j, c)] = *x;
             }
             let y = unordered(&Row::from_column_slice(&row[JUMPING..JUMPING + DIM]));
             leap.ry.set_row(j, &y.transpose());
@@ -261,6 +265,14 @@ fn prior_root(prior: &Cov) -> Cov {
 /// # Errors
 /// [`ReconstructError::Numeric`] if the problem leaves a state open or holds a value that is not a number.
 pub fn factor(problem: &Problem) -> Result<Factor, ReconstructError> {
+    factor_into(problem, Vec::new())
+}
+
+/// The same, in the memory of an earlier factor's links.
+pub(crate) fn factor_into(
+    problem: &Problem,
+    mut links: Vec<Link>,
+) -> Result<Factor, ReconstructError> {
     let fail = |what: String| ReconstructError::Numeric {
         place: "batch smoother",
         what,
@@ -282,7 +294,8 @@ pub fn factor(problem: &Problem) -> Result<Factor, ReconstructError> {
         .collect();
     chain.absorb(&mut lines);
     chain.chi2 = 0.0;
-    let mut links = Vec::with_capacity(problem.stages.len());
+    links.clear();
+    links.reserve(problem.stages.len());
     for stage in &problem.stages {
         if let Some(transition) = &stage.transition {
             let mut link = chain.step(transition, &stage.offset, &stage.bounds);

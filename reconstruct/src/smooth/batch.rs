@@ -8,7 +8,7 @@
 //! The covariance is that of the last linearisation, with the robust weights and without the limits' rows: recursions over
 //! the blocks of the factor give it for every epoch ([`super::posterior`]).
 
-use super::arrow::{Factor, factor};
+use super::arrow::{Factor, factor, factor_into};
 use super::limits::{self, LimitUse};
 use super::problem::Problem;
 use super::relinear::Ground;
@@ -56,14 +56,14 @@ pub struct Batch {
 pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     let tape = &ground.passed.tape;
     let mut trajectory = rts::means(tape);
+    let mut spare = Vec::new();
     let (mut last_step, mut left) = (f64::INFINITY, f64::INFINITY);
     for round in 1..=MOST {
         let mut plain = ground.problem(&trajectory);
         let outlying = weigh(&mut plain);
-        let mut held = plain.clone();
         let soft = SOFT.get(round - 1).copied().unwrap_or(1.0);
-        let used = limits::hold(ground, &mut held, &trajectory, soft);
-        let solved = factor(&held)?;
+        let (used, held) = limits::hold(ground, &plain, &trajectory, soft);
+        let solved = factor_into(held.as_ref().unwrap_or(&plain), spare)?;
         let means = solved.means();
         let before = last_step;
         last_step = 0.0;
@@ -81,7 +81,11 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
             last_step
         };
         if left < CONVERGED && (soft <= 1.0 || used.total() == 0) {
-            let factor = if used.total() > 0 { factor(&plain)? } else { solved };
+            let factor = if held.is_some() {
+                factor(&plain)?
+            } else {
+                solved
+            };
             return Ok(Batch {
                 trajectory,
                 problem: plain,
@@ -92,6 +96,7 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
                 outlying,
             });
         }
+        spare = solved.links;
     }
     Err(ReconstructError::Numeric {
         place: "batch smoother",
@@ -114,7 +119,10 @@ fn weigh(problem: &mut Problem) -> Vec<(Source, u64)> {
     let robust = [Source::Wheel, Source::SideSlip, Source::Jump, Source::Road];
     let mut outlying = robust.map(|source| (source, 0_u64)).to_vec();
     for row in &mut problem.rows {
-        let Some((_, count)) = outlying.iter_mut().find(|(source, _)| *source == row.source) else {
+        let Some((_, count)) = outlying
+            .iter_mut()
+            .find(|(source, _)| *source == row.source)
+        else {
             continue;
         };
         let size = row.residual.abs() / row.r.sqrt();

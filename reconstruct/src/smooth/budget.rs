@@ -228,9 +228,15 @@ impl<'a> Parts<'a> {
         };
         [
             (Cause::AccelNoise, q(sheet[0], zero)),
-            (Cause::AccelVibration, q(whole.accel - extra.accel - sheet[0], zero)),
+            (
+                Cause::AccelVibration,
+                q(whole.accel - extra.accel - sheet[0], zero),
+            ),
             (Cause::GyroNoise, q(zero, sheet[1])),
-            (Cause::GyroVibration, q(zero, whole.rate - extra.rate - sheet[1])),
+            (
+                Cause::GyroVibration,
+                q(zero, whole.rate - extra.rate - sheet[1]),
+            ),
             (Cause::GapsAndLimits, q(extra.accel, extra.rate)),
             (Cause::GyroScale, q(zero, bent)),
         ]
@@ -251,7 +257,10 @@ pub fn budget(
     let mut account = Account([0.0; Cause::ALL.len()]);
     let solution = factor.solve(&factor.spread_of(&figure.terms), false);
     if let Some(first) = solution.states.first() {
-        let nu = factor.prior_root.solve_lower_triangular(first).unwrap_or_else(Row::zeros);
+        let nu = factor
+            .prior_root
+            .solve_lower_triangular(first)
+            .unwrap_or_else(Row::zeros);
         for state in 0..DIM {
             account.add(Cause::of_state(state), nu[state] * nu[state]);
         }
@@ -271,11 +280,17 @@ pub fn budget(
     if !(total > 0.0 && total.is_finite()) {
         return Err(ReconstructError::Numeric {
             place: "error budget",
-            what: format!("{}: expected a positive variance, found {total}", figure.name),
+            what: format!(
+                "{}: expected a positive variance, found {total}",
+                figure.name
+            ),
         });
     }
-    let mut shares: Vec<(Cause, f64)> =
-        Cause::ALL.iter().zip(account.0).map(|(cause, v)| (*cause, v / total)).collect();
+    let mut shares: Vec<(Cause, f64)> = Cause::ALL
+        .iter()
+        .zip(account.0)
+        .map(|(cause, v)| (*cause, v / total))
+        .collect();
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     Ok(Budget {
         figure: figure.name.clone(),
@@ -313,7 +328,9 @@ fn step(
     });
     match whole.flatten() {
         Some(s) => {
-            let by = parts.of(k, from).map(|(cause, q)| (cause, s.dot(&(q * s)).max(0.0)));
+            let by = parts
+                .of(k, from)
+                .map(|(cause, q)| (cause, s.dot(&(q * s)).max(0.0)));
             let sum: f64 = by.iter().map(|(_, v)| v).sum();
             for (cause, v) in by {
                 account.add(cause, if sum > 0.0 { own * v / sum } else { 0.0 });

@@ -25,9 +25,15 @@ fn place(name: &str, stage: usize, nominal: &Nominal) -> [Linear; 2] {
     let v = nominal.nav.v_n.v.xy();
     let ahead = v.try_normalize(0.5).unwrap_or_else(|| {
         let x = nominal.nav.c_nb.m.column(0).into_owned();
-        x.xy().try_normalize(1e-6).unwrap_or_else(nalgebra::Vector2::x)
+        x.xy()
+            .try_normalize(1e-6)
+            .unwrap_or_else(nalgebra::Vector2::x)
     });
-    [("along", [ahead.x, ahead.y]), ("across", [-ahead.y, ahead.x])].map(|(which, axis)| {
+    [
+        ("along", [ahead.x, ahead.y]),
+        ("across", [-ahead.y, ahead.x]),
+    ]
+    .map(|(which, axis)| {
         let mut a = Row::zeros();
         a[POS] = axis[0];
         a[POS + 1] = axis[1];
@@ -50,7 +56,9 @@ pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -
     if let Some((before, pulse)) = pulse.and_then(|p| at(p.before).map(|i| (i, p))) {
         let nominal = &trajectory[before];
         let mut speed = Row::zeros();
-        speed.fixed_rows_mut::<STATES>(0).copy_from(&speed_row(&nominal.nav));
+        speed
+            .fixed_rows_mut::<STATES>(0)
+            .copy_from(&speed_row(&nominal.nav));
         out.push(Linear {
             name: "impact speed".to_owned(),
             terms: vec![(before, speed)],
@@ -75,7 +83,10 @@ pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -
             terms: vec![(before, heading)],
         });
     }
-    let early = list.partition_point(|e| e.t_s <= BEFORE_S + 1e-9).checked_sub(1).and_then(at);
+    let early = list
+        .partition_point(|e| e.t_s <= BEFORE_S + 1e-9)
+        .checked_sub(1)
+        .and_then(at);
     if let Some(i) = early {
         out.extend(place("at -5 s", i, &trajectory[i]));
     }

@@ -50,38 +50,52 @@ impl LimitUse {
     }
 }
 
-/// Adds a row for each limit that `trajectory` crosses, `soft` times less closely than it is to be kept.
+/// The problem with a row for each limit that `trajectory` crosses, `soft` times less closely than it is to be kept; `None`
+/// where it crosses none.
 pub(crate) fn hold(
     ground: &Ground<'_>,
-    problem: &mut Problem,
+    problem: &Problem,
     trajectory: &[Nominal],
     soft: f64,
-) -> LimitUse {
+) -> (LimitUse, Option<Problem>) {
     let mut used = LimitUse::default();
-    let mut rows = Vec::with_capacity(problem.rows.len());
-    for i in 0..problem.stages.len() {
+    let mut extra: Vec<(usize, Vec<Measured>, Vec<Bound>)> = Vec::new();
+    for (i, (stage, nominal)) in problem.stages.iter().zip(trajectory).enumerate() {
         let bounds = clipped(ground, problem, trajectory, i);
         used.clipped += schema::num::u64_of(bounds.len());
-        let stage = &mut problem.stages[i];
-        stage.bounds = bounds;
-        let from = rows.len();
-        rows.extend_from_slice(&problem.rows[stage.rows.clone()]);
-        road(ground, stage.k, &trajectory[i], &mut rows, &mut used);
+        let mut rows = Vec::new();
+        road(ground, stage.k, nominal, &mut rows, &mut used);
         // A stand is told to stand still already.
         if stage.transition.is_some_and(|t| !t.stands()) {
-            wheels(ground, stage.k, &trajectory[i], &mut rows, &mut used);
+            wheels(ground, stage.k, nominal, &mut rows, &mut used);
         }
-        let own = from + stage.rows.len();
-        for row in &mut rows[own..] {
-            row.r *= soft * soft;
+        if !(rows.is_empty() && bounds.is_empty()) {
+            extra.push((i, rows, bounds));
         }
-        for bound in &mut stage.bounds {
-            bound.sd *= soft;
-        }
-        stage.rows = from..rows.len();
     }
-    problem.rows = rows;
-    used
+    if extra.is_empty() {
+        return (used, None);
+    }
+    let mut held = problem.clone();
+    held.rows.clear();
+    let mut extra = extra.into_iter().peekable();
+    for (i, stage) in held.stages.iter_mut().enumerate() {
+        let from = held.rows.len();
+        held.rows
+            .extend_from_slice(&problem.rows[stage.rows.clone()]);
+        if let Some((_, rows, bounds)) = extra.next_if(|e| e.0 == i) {
+            held.rows.extend(rows.into_iter().map(|row| Measured {
+                r: row.r * soft * soft,
+                ..row
+            }));
+            stage.bounds = bounds;
+            for bound in &mut stage.bounds {
+                bound.sd *= soft;
+            }
+        }
+        stage.rows = from..held.rows.len();
+    }
+    (used, Some(held))
 }
 
 /// `value` beyond `top` on either side, as a row that pulls it back.
@@ -105,7 +119,12 @@ fn road(
     let setup = ground.given.setup;
     let Some(road) = setup.road else { return };
     let t_s = setup.reversed.forward().list[k].t_s;
-    if setup.motion.impacts.first().is_some_and(|p| t_s > p.onset_s - road.hold_off_s) {
+    if setup
+        .motion
+        .impacts
+        .first()
+        .is_some_and(|p| t_s > p.onset_s - road.hold_off_s)
+    {
         return;
     }
     for (index, top) in [road.roll_deg, road.pitch_deg].into_iter().enumerate() {
@@ -113,7 +132,11 @@ fn road(
         let top = top.to_radians() + SPRING;
         if let Some(row) = beyond(Source::Road, z.residual, top, z.h, ANGLE_SD) {
             rows.push(row);
-            *(if index == 0 { &mut used.roll } else { &mut used.pitch }) += 1;
+            *(if index == 0 {
+                &mut used.roll
+            } else {
+                &mut used.pitch
+            }) += 1;
         }
     }
     let v = &nominal.nav.v_n.v;
@@ -169,12 +192,7 @@ fn wheels(
 }
 
 /// Behind a sensor's limit the truth lies beyond it: the mean of a bin is at least as large as its clipped mean.
-fn clipped(
-    ground: &Ground<'_>,
-    problem: &Problem,
-    trajectory: &[Nominal],
-    i: usize,
-) -> Vec<Bound> {
+fn clipped(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal], i: usize) -> Vec<Bound> {
     let (Some(last), stage) = (i.checked_sub(1), &problem.stages[i]) else {
         return Vec::new();
     };
@@ -193,7 +211,12 @@ fn clipped(
         let column: Vector3<f64> = c.column(axis % 3) / epoch.dt;
         // What was taken is the truth and an error of `-C' w / dt` (force) or `C' w / dt` (rate).
         let (at, column, value, sd) = if axis < 3 {
-            (VEL, column, epoch.accel[axis] - inputs.accel[k][axis], FORCE_SD)
+            (
+                VEL,
+                column,
+                epoch.accel[axis] - inputs.accel[k][axis],
+                FORCE_SD,
+            )
         } else {
             let j = axis - 3;
             (ATT, -column, epoch.rate[j] - inputs.rate[k][j], RATE_SD)

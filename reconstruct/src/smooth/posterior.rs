@@ -29,7 +29,10 @@ impl Link {
         let Some(leap) = &self.leap else {
             return (*x, SVector::zeros());
         };
-        let w = leap.rw.solve_upper_triangular(&(rhs - leap.ry * x)).unwrap_or_else(SVector::zeros);
+        let w = leap
+            .rw
+            .solve_upper_triangular(&(rhs - leap.ry * x))
+            .unwrap_or_else(SVector::zeros);
         let mut before = *x;
         for j in 0..JUMPING {
             before[jumping(j)] -= leap.sd[j / 3] * w[j];
@@ -38,13 +41,11 @@ impl Link {
     }
 
     /// `x_{i-1}` of `x_i` before the jump, and the step's noise.
-    fn back(
-        &self,
-        x: &Row,
-        rhs: &SVector<f64, LOCAL>,
-        offset: bool,
-    ) -> (Row, SVector<f64, LOCAL>) {
-        let w = self.rw.solve_upper_triangular(&(rhs - self.ry * x)).unwrap_or_else(SVector::zeros);
+    fn back(&self, x: &Row, rhs: &SVector<f64, LOCAL>, offset: bool) -> (Row, SVector<f64, LOCAL>) {
+        let w = self
+            .rw
+            .solve_upper_triangular(&(rhs - self.ry * x))
+            .unwrap_or_else(SVector::zeros);
         let mut y = if offset { x + self.offset } else { *x };
         let moved = self.l * w;
         for j in 0..LOCAL {
@@ -59,8 +60,8 @@ impl Link {
             .rw
             .solve_upper_triangular(&Local::identity())
             .unwrap_or_else(Local::zeros);
-        let left = self.l * inverse;
-        (-(left * self.ry), left)
+        let left = product(&self.l, &inverse);
+        (-product(&left, &self.ry), left)
     }
 
     /// Columns of `x_i` to columns of `x_{i-1}`: the part of the latter that follows from the former.
@@ -118,6 +119,25 @@ impl Leap {
     }
 }
 
+/// `a b`, with the columns of `a` as short fixed arrays: the general product calls a routine for each of them.
+fn product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut out = SMatrix::<f64, R, C>::zeros();
+    let columns = out.as_mut_slice().chunks_exact_mut(R);
+    for (to, from) in columns.zip(b.as_slice().chunks_exact(K)) {
+        let mut sum = [0.0; R];
+        for (column, x) in a.as_slice().chunks_exact(R).zip(from) {
+            for (s, y) in sum.iter_mut().zip(column) {
+                *s += x * y;
+            }
+        }
+        to.copy_from_slice(&sum);
+    }
+    out
+}
+
 /// `(I - E K) P (I - E K)' + E G G' E'`, where `E` puts entry `j` into state `place(j)`.
 fn spread<const N: usize>(
     p: &mut Cov,
@@ -125,8 +145,8 @@ fn spread<const N: usize>(
     left: &SMatrix<f64, N, N>,
     place: impl Fn(usize) -> usize,
 ) {
-    let v = k * *p;
-    let own = v * k.transpose() + left * left.transpose();
+    let v = product(k, p);
+    let own = product(&v, &k.transpose()) + product(left, &left.transpose());
     for c in 0..DIM {
         for j in 0..N {
             p[(place(j), c)] -= v[(j, c)];
@@ -171,7 +191,12 @@ impl Factor {
             noise: vec![SVector::zeros(); n],
             jump: vec![SVector::zeros(); n],
         };
-        let mut x = unordered(&self.last.solve_upper_triangular(&rhs.last).unwrap_or_else(Row::zeros));
+        let mut x = unordered(
+            &self
+                .last
+                .solve_upper_triangular(&rhs.last)
+                .unwrap_or_else(Row::zeros),
+        );
         out.states[n] = x;
         for (i, link) in self.links.iter().enumerate().rev() {
             let (before, jump) = link.unleap(&x, &rhs.jump[i]);
@@ -192,7 +217,10 @@ impl Factor {
 
     /// Covariance of every stage, from the last of the pass to its first: calls `visit(stage, covariance)`.
     pub fn covariances(&self, mut visit: impl FnMut(usize, &Cov)) {
-        let root = self.last.solve_upper_triangular(&Cov::identity()).unwrap_or_else(Cov::zeros);
+        let root = self
+            .last
+            .solve_upper_triangular(&Cov::identity())
+            .unwrap_or_else(Cov::zeros);
         let ordered_p = root * root.transpose();
         let mut p = Cov::zeros();
         for c in 0..DIM {
@@ -228,18 +256,32 @@ impl Factor {
             jump: vec![SVector::zeros(); n],
             last: Row::zeros(),
         };
-        let at = |i: usize| -> Row { figure.iter().filter(|(s, _)| *s == i).map(|(_, a)| *a).sum() };
+        let at = |i: usize| -> Row {
+            figure
+                .iter()
+                .filter(|(s, _)| *s == i)
+                .map(|(_, a)| *a)
+                .sum()
+        };
         let mut g = at(0);
         for (i, link) in self.links.iter().enumerate() {
             if g.iter().any(|x| *x != 0.0) {
                 g = link.inverse.apply_transposed(&g);
-                let by_noise = link.l.transpose() * SVector::<f64, LOCAL>::from_fn(|j, _| -g[local(j)]);
-                let v = link.rw.tr_solve_upper_triangular(&by_noise).unwrap_or_else(SVector::zeros);
+                let by_noise =
+                    link.l.transpose() * SVector::<f64, LOCAL>::from_fn(|j, _| -g[local(j)]);
+                let v = link
+                    .rw
+                    .tr_solve_upper_triangular(&by_noise)
+                    .unwrap_or_else(SVector::zeros);
                 g -= link.ry.transpose() * v;
                 out.noise[i] = v;
                 if let Some(leap) = &link.leap {
-                    let by = SVector::<f64, JUMPING>::from_fn(|j, _| -leap.sd[j / 3] * g[jumping(j)]);
-                    let v = leap.rw.tr_solve_upper_triangular(&by).unwrap_or_else(SVector::zeros);
+                    let by =
+                        SVector::<f64, JUMPING>::from_fn(|j, _| -leap.sd[j / 3] * g[jumping(j)]);
+                    let v = leap
+                        .rw
+                        .tr_solve_upper_triangular(&by)
+                        .unwrap_or_else(SVector::zeros);
                     g -= leap.ry.transpose() * v;
                     out.jump[i] = v;
                 }

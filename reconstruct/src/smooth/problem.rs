@@ -124,18 +124,22 @@ impl Problem {
 /// States of one epoch and then the global ones, from the order of [`crate::refined::states`].
 pub(crate) fn ordered(x: &Row) -> Row {
     let mut out = Row::zeros();
-    out.fixed_rows_mut::<STATES>(0).copy_from(&x.fixed_rows::<STATES>(0));
+    out.fixed_rows_mut::<STATES>(0)
+        .copy_from(&x.fixed_rows::<STATES>(0));
     out[STATES] = x[STATES + GLOBAL];
-    out.fixed_rows_mut::<GLOBAL>(LOCAL).copy_from(&x.fixed_rows::<GLOBAL>(STATES));
+    out.fixed_rows_mut::<GLOBAL>(LOCAL)
+        .copy_from(&x.fixed_rows::<GLOBAL>(STATES));
     out
 }
 
 /// The inverse of [`ordered`].
 pub(crate) fn unordered(x: &Row) -> Row {
     let mut out = Row::zeros();
-    out.fixed_rows_mut::<STATES>(0).copy_from(&x.fixed_rows::<STATES>(0));
+    out.fixed_rows_mut::<STATES>(0)
+        .copy_from(&x.fixed_rows::<STATES>(0));
     out[STATES + GLOBAL] = x[STATES];
-    out.fixed_rows_mut::<GLOBAL>(STATES).copy_from(&x.fixed_rows::<GLOBAL>(LOCAL));
+    out.fixed_rows_mut::<GLOBAL>(STATES)
+        .copy_from(&x.fixed_rows::<GLOBAL>(LOCAL));
     out
 }
 
@@ -144,7 +148,8 @@ pub(crate) fn unordered(x: &Row) -> Row {
 #[must_use]
 pub fn noise_root(transition: &Transition) -> SMatrix<f64, LOCAL, LOCAL> {
     let mut l = SMatrix::<f64, LOCAL, LOCAL>::zeros();
-    l.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&semi_root(&transition.q));
+    l.fixed_view_mut::<STATES, STATES>(0, 0)
+        .copy_from(&semi_root(&transition.q));
     l[(STATES, STATES)] = transition.q_slip.max(0.0).sqrt();
     l
 }

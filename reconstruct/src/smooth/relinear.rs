@@ -29,15 +29,21 @@ fn log_so3(c: &Matrix3<f64>) -> Vector3<f64> {
     let axis = Vector3::new(c.m32 - c.m23, c.m13 - c.m31, c.m21 - c.m12) * 0.5;
     let (sine, cosine) = (axis.norm(), 0.5 * (c.trace() - 1.0));
     let angle = sine.atan2(cosine);
-    if sine > 1e-8 { axis * (angle / sine) } else { axis }
+    if sine > 1e-8 {
+        axis * (angle / sine)
+    } else {
+        axis
+    }
 }
 
 /// The correction that leads from one nominal to another: `from.corrected(x) == to`.
 #[must_use]
 pub fn correction(from: &Nominal, to: &Nominal) -> Row {
     let mut x = Row::zeros();
-    x.fixed_rows_mut::<3>(POS).copy_from(&(from.nav.r_n - to.nav.r_n).v);
-    x.fixed_rows_mut::<3>(VEL).copy_from(&(from.nav.v_n - to.nav.v_n).v);
+    x.fixed_rows_mut::<3>(POS)
+        .copy_from(&(from.nav.r_n - to.nav.r_n).v);
+    x.fixed_rows_mut::<3>(VEL)
+        .copy_from(&(from.nav.v_n - to.nav.v_n).v);
     let turn = to.nav.c_nb.m * from.nav.c_nb.m.transpose();
     x.fixed_rows_mut::<3>(ATT).copy_from(&log_so3(&turn));
     let cal = to.cal - from.cal;
@@ -104,12 +110,7 @@ impl Ground<'_> {
     }
 
     /// From the end of epoch `k` to its start: the step about a nominal and where it leads.
-    fn step(
-        &self,
-        k: usize,
-        from: &Nominal,
-        transition: &Transition,
-    ) -> (Transition, Nominal) {
+    fn step(&self, k: usize, from: &Nominal, transition: &Transition) -> (Transition, Nominal) {
         let mut next = *from;
         next.cal[SLIP - STATES] *= transition.decay();
         if transition.stands() {
@@ -133,9 +134,10 @@ impl Ground<'_> {
             r: z.r,
             weight: 1.0,
         };
-        if let (Some((was, _)), Some((is, h))) =
-            (self.predicted(k, z, axis, old), self.predicted(k, z, axis, here))
-        {
+        if let (Some((was, _)), Some((is, h))) = (
+            self.predicted(k, z, axis, old),
+            self.predicted(k, z, axis, here),
+        ) {
             out.residual = z.residual + is - was;
             out.h = h;
         }
@@ -171,7 +173,8 @@ impl Ground<'_> {
             Source::Jump => measure::no_jump(n, &rate(), &geometry, 0.0),
             Source::Road => {
                 let jacobian = n.nav.c_nb.euler_jacobian();
-                let off = |i: usize| (z.h.fixed_rows::<3>(ATT) - jacobian.row(i).transpose()).norm();
+                let off =
+                    |i: usize| (z.h.fixed_rows::<3>(ATT) - jacobian.row(i).transpose()).norm();
                 measure::road(n, usize::from(off(1) < off(0)), 0.0, 1.0)
             }
         };
@@ -185,7 +188,10 @@ impl Ground<'_> {
             return Some(rest.accel);
         }
         let stands = &self.passed.stands;
-        stands.iter().find(|s| s.range.end == k + 1).map(|s| s.accel)
+        stands
+            .iter()
+            .find(|s| s.range.end == k + 1)
+            .map(|s| s.accel)
     }
 }
 
@@ -196,7 +202,12 @@ mod tests {
 
     #[test]
     fn logarithm_undoes_the_exponential() {
-        for v in [[0.0, 0.0, 0.0], [1e-9, 2e-9, 0.0], [0.3, -0.2, 0.1], [0.0, 0.0, 3.0]] {
+        for v in [
+            [0.0, 0.0, 0.0],
+            [1e-9, 2e-9, 0.0],
+            [0.3, -0.2, 0.1],
+            [0.0, 0.0, 3.0],
+        ] {
             let v = Vector3::from(v);
             assert!((log_so3(&exp_so3(&v)) - v).norm() < 1e-12, "{v}");
         }
