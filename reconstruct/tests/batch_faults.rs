@@ -64,26 +64,41 @@ fn both_smoothers_give_the_same_kind_of_answer() {
     }
 }
 
-/// A record cut 0.3 s after the impact, a gap, a perfect sensor: it settles near the sweep.
+/// Position and velocity, north and east, at an epoch: the largest error in standard deviations.
+fn off_truth(crash: &Crash, found: &Refined, k: usize) -> f64 {
+    let (truth, snapshot) = (crash.truth(k), &found.snapshots[k]);
+    let mut worst: f64 = 0.0;
+    for axis in 0..2 {
+        let place = snapshot.nav.r_n.v[axis] - truth.position[axis];
+        let speed = snapshot.nav.v_n.v[axis] - truth.velocity[axis];
+        let sd = |s: usize| snapshot.p[(s, s)].sqrt();
+        worst = worst
+            .max(place.abs() / sd(axis))
+            .max(speed.abs() / sd(axis + 3));
+    }
+    worst
+}
+
+/// A record cut 0.3 s after the impact, half a second without a sample, a perfect sensor, a roll-over at 100 degrees a
+/// second and more of which the gyro shows no more. Where the attitude is in doubt by tenths of a radian the sweep, which
+/// is linear about the filter's path, is off by many of its standard deviations; the batch is not.
 #[test]
 fn settles_on_faulty_records() {
-    let mut cases = Vec::new();
     for seed in 82..85 {
         let mut cut = Crash::draw(Class::Frontal, seed, 30.0);
         let end = cut.epochs.list[cut.motion.impacts[0].last].t_s + 0.3;
         cut.cut(cut.epochs.list.partition_point(|e| e.t_s <= end));
-        cases.push((format!("cut {seed}"), cut));
         let mut gap = Crash::draw(Class::Side, seed, 30.0);
         let from = gap.motion.impacts[0].first - 300;
         for epoch in &mut gap.epochs.list[from..from + 50] {
             epoch.measured = [false; 6];
             epoch.wheels = [None; 2];
         }
-        cases.push((format!("gap {seed}"), gap));
-        let perfect = Scenario::draw_graded(Class::Rear, seed, Grade::Perfect);
-        cases.push((format!("perfect {seed}"), Crash::of(&perfect, 30.0)));
+        let perfect = Crash::of(
+            &Scenario::draw_graded(Class::Rear, seed, Grade::Perfect),
+            30.0,
+        );
         let mut rolled = Crash::draw(Class::Roof, seed, 30.0);
-        // The gyro ends at 100 degrees a second.
         rolled.epochs.header.imu.rate_range = Some(1.745);
         for epoch in &mut rolled.epochs.list {
             for axis in 0..3 {
@@ -94,41 +109,37 @@ fn settles_on_faulty_records() {
             }
         }
         rolled.look_again();
-        cases.push((format!("clipped roll {seed}"), rolled));
-    }
-    for (name, crash) in cases { if std::env::var("DBG").is_ok() && !name.contains("roll") { continue; }
-        let sweep = run(&crash, Smoother::Rts).unwrap();
-        let found = match run(&crash, Smoother::Batch) { Ok(f) => f, Err(e) => { println!("{name}: {e}"); continue } };
-        let [mean, sd] = apart(&sweep, &found);
-        let mut worst = (0.0, 0, 0);
-        for (k, (a, b)) in sweep.snapshots.iter().zip(&found.snapshots).enumerate() {
-            for s in 0..6 { let v = b.p[(s,s)].sqrt() / a.p[(s,s)].sqrt().max(1e-3) - 1.0; if v.abs() > worst.0 { worst = (v.abs(), k, s); } }
-        }
-        let (_, k, s) = worst;
-        println!("  worst sd at epoch {k} of {} state {s}: {:.3e} {:.3e}", crash.epochs.list.len(), sweep.snapshots[k].p[(s,s)].sqrt(), found.snapshots[k].p[(s,s)].sqrt());
-        for (n, r) in [("sweep", &sweep), ("batch", &found)] {
-            let k0 = crash.motion.impacts.first().map_or(0, |p| p.before);
-            for k in [0, k0] {
-                let t = crash.truth(k); let sn = &r.snapshots[k];
-                let off = [sn.nav.r_n.v.x - t.position[0], sn.nav.r_n.v.y - t.position[1], sn.nav.v_n.v.x - t.velocity[0], sn.nav.v_n.v.y - t.velocity[1]];
-                let z = [0, 1, 3, 4].iter().zip(off).map(|(i, o)| format!("{o:.3}/{:.3}", sn.p[(*i, *i)].sqrt())).collect::<Vec<_>>();
-                println!("   {n} epoch {k}: {}", z.join(" "));
+        let cases = [
+            ("cut", &cut),
+            ("gap", &gap),
+            ("perfect", &perfect),
+            ("clipped roll", &rolled),
+        ];
+        for (name, crash) in cases {
+            let sweep = run(crash, Smoother::Rts).unwrap();
+            let found = run(crash, Smoother::Batch).unwrap();
+            let batch = found.batch.as_ref().unwrap();
+            print!(
+                "{name} {seed}: {} linearisations, {:?}",
+                batch.linearisations, batch.limits
+            );
+            assert!(batch.left < 0.01);
+            assert!(
+                found
+                    .snapshots
+                    .iter()
+                    .all(|s| (0..9).all(|i| s.p[(i, i)] >= 0.0))
+            );
+            // A cut record has no rest to lie in the origin, and a perfect one no data sheet for its wheels.
+            if name == "gap" || name == "clipped roll" {
+                let before = crash.motion.impacts[0].before;
+                let of = |r: &Refined| [0, before].map(|k| off_truth(crash, r, k));
+                let (sweep, found) = (of(&sweep), of(&found));
+                print!("; start and impact off by {sweep:.1?} sd (sweep), {found:.1?} (batch)");
+                assert!(found.iter().all(|z| *z < 4.0));
             }
+            println!();
         }
-        let batch = found.batch.unwrap();
-        println!(
-            "{name}: {} linearisations, {:?}, {mean:.2} sd apart, sds differ by {:.1} %",
-            batch.linearisations,
-            batch.limits,
-            100.0 * sd
-        );
-        assert!(batch.left < 0.01);
-        assert!(
-            found
-                .snapshots
-                .iter()
-                .all(|s| (0..9).all(|i| s.p[(i, i)] >= 0.0))
-        );
     }
 }
 

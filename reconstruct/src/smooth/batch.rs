@@ -28,10 +28,10 @@ const FINE: [f64; 3] = [1e-3, 1e-3, 1e-5];
 /// Largest turn of the attitude in one step, rad: rows are linear that far.
 const TURN: f64 = 0.2;
 /// Most linearisations.
-const MOST: usize = 30;
+const MOST: usize = 60;
 /// The first linearisations with limits keep the limits so many times less closely: a set of limits chosen far from the solution is
 /// the wrong one.
-const SOFT: [f64; 2] = [10.0, 3.0];
+const SOFT: [f64; 5] = [30.0, 12.0, 6.0, 3.0, 1.7];
 
 /// A solved record.
 #[derive(Clone, Debug)]
@@ -79,12 +79,20 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         }
         // Steps shrink by a steady share where no limit joins or leaves: the next one is known before it is made.
         let shrinks = held.is_none() && before.is_finite();
-        left = if shrinks { step * (step / before).min(1.0) } else { step };
+        left = if shrinks {
+            step * (step / before).min(1.0)
+        } else {
+            step
+        };
         if left < CONVERGED && soft <= 1.0 {
             let crossed = limits::hold(ground, &plain, &trajectory, 1.0).0;
             if age.is_some() || crossed.total() == 0 {
                 // With limits the covariance is that without them.
-                let factor = if held.is_some() { factor(&plain)? } else { solved };
+                let factor = if held.is_some() {
+                    factor(&plain)?
+                } else {
+                    solved
+                };
                 return Ok(Batch {
                     trajectory,
                     problem: plain,
@@ -103,7 +111,11 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         place: "batch smoother",
         what: format!(
             "expected to settle within {MOST} linearisations, found a step of {left:.3} standard deviations left ({}); the sweep (rts) needs no settling",
-            if held_since.is_some() { "held by the road's and the sensors' limits" } else { "without limits" }
+            if held_since.is_some() {
+                "held by the road's and the sensors' limits"
+            } else {
+                "without limits"
+            }
         ),
     })
 }
@@ -111,7 +123,10 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
 /// Moves the trajectory, the attitude by no more than [`TURN`]; gives the largest step in standard deviations of the
 /// filter.
 fn advance(trajectory: &mut [Nominal], means: &[Row], tape: &Tape) -> f64 {
-    let turn = means.iter().map(|x| x.fixed_rows::<3>(ATT).norm()).fold(0.0, f64::max);
+    let turn = means
+        .iter()
+        .map(|x| x.fixed_rows::<3>(ATT).norm())
+        .fold(0.0, f64::max);
     let share = if turn > TURN { TURN / turn } else { 1.0 };
     let mut step: f64 = 0.0;
     for ((x, nominal), own) in means.iter().zip(trajectory).zip(&tape.steps) {

@@ -1,7 +1,7 @@
 //! What a trajectory cannot be: steeper than the road, faster than a wheel that reads nothing, softer than a sensor's limit.
 //!
 //! Each limit is one-sided and acts where the trajectory crosses it: the row then pulls to the limit with a narrow
-//! standard deviation (a quadratic penalty; the active set is chosen anew at every linearisation). Such a row is no
+//! standard deviation (a penalty that is quadratic beyond the limit, chosen anew at every linearisation). Such a row is no
 //! measurement: at a hundred samples a second it would count one fact thousands of times. So the limits move the
 //! *trajectory*, and its covariance is that without them, which is the wider one.
 
@@ -16,7 +16,7 @@ use crate::refined::states::{Nominal, Row};
 use crate::refined::tape::Source;
 
 /// How closely a limit is kept: angle, rad; vertical speed, m/s; wheel, m/s; specific force, m/s^2; rate, rad/s.
-const ANGLE_SD: f64 = 3e-4;
+const ANGLE_SD: f64 = 5e-4;
 const VERTICAL_SD: f64 = 0.01;
 const WHEEL_SD: f64 = 0.02;
 const FORCE_SD: f64 = 0.2;
@@ -50,8 +50,8 @@ impl LimitUse {
     }
 }
 
-/// The problem with a row for each limit that `trajectory` crosses, `soft` times less closely than it is to be kept; `None`
-/// where it crosses none.
+/// The problem with a row for each limit that `trajectory` nears or crosses, `soft` times less closely than it is to be
+/// kept; `None` where it nears none.
 pub(crate) fn hold(
     ground: &Ground<'_>,
     problem: &Problem,
@@ -61,13 +61,12 @@ pub(crate) fn hold(
     let mut used = LimitUse::default();
     let mut extra: Vec<(usize, Vec<Measured>, Vec<Bound>)> = Vec::new();
     for (i, (stage, nominal)) in problem.stages.iter().zip(trajectory).enumerate() {
-        let bounds = clipped(ground, problem, trajectory, i);
-        used.clipped += schema::num::u64_of(bounds.len());
+        let bounds = clipped(ground, problem, trajectory, (i, soft), &mut used);
         let mut rows = Vec::new();
-        road(ground, stage.k, nominal, &mut rows, &mut used);
+        road(ground, (stage.k, soft), nominal, &mut rows, &mut used);
         // A stand is told to stand still already.
         if stage.transition.is_some_and(|t| !t.stands()) {
-            wheels(ground, stage.k, nominal, &mut rows, &mut used);
+            wheels(ground, (stage.k, soft), nominal, &mut rows, &mut used);
         }
         if !(rows.is_empty() && bounds.is_empty()) {
             extra.push((i, rows, bounds));
@@ -84,34 +83,45 @@ pub(crate) fn hold(
         held.rows
             .extend_from_slice(&problem.rows[stage.rows.clone()]);
         if let Some((_, rows, bounds)) = extra.next_if(|e| e.0 == i) {
-            held.rows.extend(rows.into_iter().map(|row| Measured {
-                r: row.r * soft * soft,
-                ..row
-            }));
+            held.rows.extend(rows);
             stage.bounds = bounds;
-            for bound in &mut stage.bounds {
-                bound.sd *= soft;
-            }
         }
         stage.rows = from..held.rows.len();
     }
     (used, Some(held))
 }
 
-/// `value` beyond `top` on either side, as a row that pulls it back.
+/// A row of more weight than this bears on the trajectory.
+const CROSSED: f64 = 0.05;
+
+/// Residual and weight of a one-sided row whose value is `v` beyond its limit, all in standard deviations: quadratic far
+/// beyond it, nothing far within it, and between them a cubic, so that a row joins and leaves by degrees.
+fn one_sided(v: f64) -> Option<(f64, f64)> {
+    if v <= -1.0 {
+        None
+    } else if v < 1.0 {
+        let half = 0.5 * (v + 1.0);
+        Some((half, half))
+    } else {
+        Some((v, 1.0))
+    }
+}
+
+/// `value` at or beyond `top` on either side, as a row that pulls it back.
 fn beyond(source: Source, value: f64, top: f64, h: Row, sd: f64) -> Option<Measured> {
-    (value.abs() > top).then(|| Measured {
+    let (residual, weight) = one_sided((value.abs() - top) / sd)?;
+    Some(Measured {
         source,
         h,
-        residual: value - top.copysign(value),
+        residual: (residual * sd).copysign(value),
         r: sd * sd,
-        weight: 1.0,
+        weight,
     })
 }
 
 fn road(
     ground: &Ground<'_>,
-    k: usize,
+    (k, soft): (usize, f64),
     nominal: &Nominal,
     rows: &mut Vec<Measured>,
     used: &mut LimitUse,
@@ -130,29 +140,29 @@ fn road(
     for (index, top) in [road.roll_deg, road.pitch_deg].into_iter().enumerate() {
         let z = measure::road(nominal, index, 0.0, 1.0);
         let top = top.to_radians() + SPRING;
-        if let Some(row) = beyond(Source::Road, z.residual, top, z.h, ANGLE_SD) {
-            rows.push(row);
+        if let Some(row) = beyond(Source::Road, z.residual, top, z.h, ANGLE_SD * soft) {
             *(if index == 0 {
                 &mut used.roll
             } else {
                 &mut used.pitch
-            }) += 1;
+            }) += u64::from(row.weight > CROSSED);
+            rows.push(row);
         }
     }
     let v = &nominal.nav.v_n.v;
     let top = v.xy().norm() * road.pitch_deg.to_radians().sin() + VERTICAL;
     let mut h = Row::zeros();
     h[VEL + 2] = 1.0;
-    if let Some(row) = beyond(Source::Road, v.z, top, h, VERTICAL_SD) {
+    if let Some(row) = beyond(Source::Road, v.z, top, h, VERTICAL_SD * soft) {
+        used.vertical += u64::from(row.weight > CROSSED);
         rows.push(row);
-        used.vertical += 1;
     }
 }
 
 /// A wheel that reads less than it can tell turns no faster than its cut-off.
 fn wheels(
     ground: &Ground<'_>,
-    k: usize,
+    (k, soft): (usize, f64),
     nominal: &Nominal,
     rows: &mut Vec<Measured>,
     used: &mut LimitUse,
@@ -175,24 +185,34 @@ fn wheels(
             speed: cutoff,
             age_s: 0.5 * epochs.list[k].dt,
             accel: setup.motion.smooth[k].x,
-            variance: WHEEL_SD * WHEEL_SD,
+            variance: 0.0,
         };
         let z = measure::wheel(nominal, &rate, &geometry, &frame);
-        if z.residual > 0.0 && z.residual < DEAD + cutoff {
+        if z.residual > DEAD + cutoff {
+            continue;
+        }
+        let sd = WHEEL_SD * soft;
+        if let Some((residual, weight)) = one_sided(z.residual / sd) {
+            used.wheel += u64::from(weight > CROSSED);
             rows.push(Measured {
                 source: Source::Wheel,
                 h: z.h,
-                residual: z.residual,
-                r: z.r,
-                weight: 1.0,
+                residual: residual * sd,
+                r: sd * sd,
+                weight,
             });
-            used.wheel += 1;
         }
     }
 }
 
 /// Behind a sensor's limit the truth lies beyond it: the mean of a bin is at least as large as its clipped mean.
-fn clipped(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal], i: usize) -> Vec<Bound> {
+fn clipped(
+    ground: &Ground<'_>,
+    problem: &Problem,
+    trajectory: &[Nominal],
+    (i, soft): (usize, f64),
+    used: &mut LimitUse,
+) -> Vec<Bound> {
     let (Some(last), stage) = (i.checked_sub(1), &problem.stages[i]) else {
         return Vec::new();
     };
@@ -224,8 +244,14 @@ fn clipped(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal], i: us
         let mut a = SVector::<f64, LOCAL>::zeros();
         a.fixed_rows_mut::<3>(at).copy_from(&column);
         let noise = column.dot(&stage.offset.fixed_rows::<3>(at));
-        if (noise - value) * share.signum() < 0.0 {
-            bounds.push(Bound { a, value, sd });
+        let (side, sd) = (share.signum(), sd * soft);
+        if let Some((residual, weight)) = one_sided((value - noise) * side / sd) {
+            used.clipped += u64::from(weight > CROSSED);
+            bounds.push(Bound {
+                a,
+                value: noise + residual * sd * side,
+                sd: sd / weight.sqrt(),
+            });
         }
     }
     bounds
