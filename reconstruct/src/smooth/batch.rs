@@ -31,6 +31,7 @@ const TURN: f64 = 0.2;
 const MOST: usize = 60;
 /// The first linearisations with limits keep the limits so many times less closely: a set of limits chosen far from the solution is
 /// the wrong one.
+const FEW: u64 = 10;
 const SOFT: [f64; 5] = [30.0, 12.0, 6.0, 3.0, 1.7];
 
 /// A solved record.
@@ -65,8 +66,8 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     for round in 1..=MOST {
         let mut plain = ground.problem(&trajectory);
         let outlying = weigh(&mut plain);
-        let age = held_since.map(|since| round - since);
-        let soft = age.map_or(1.0, |age: usize| SOFT.get(age - 1).copied().unwrap_or(1.0));
+        let age = held_since.map(|since: usize| round.saturating_sub(since));
+        let soft = age.map_or(1.0, |age| SOFT.get(age).copied().unwrap_or(1.0));
         let (used, held) = match age {
             Some(_) => limits::hold(ground, &plain, &trajectory, soft),
             None => (LimitUse::default(), None),
@@ -103,7 +104,9 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
                     outlying,
                 });
             }
-            held_since = Some(round);
+            // Few limits crossed are as good as known.
+            let few = crossed.total() <= FEW;
+            held_since = Some(if few { (round + 1).saturating_sub(SOFT.len() - 1) } else { round + 1 });
         }
         spare = solved.links;
     }
