@@ -123,7 +123,11 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
         let before = given;
         given += c;
         for s in 9..29 {
-            assert!(step.transition.is_none_or(|t| t.jump == [0.0; 2] && !t.stands()) && c[s].is_finite());
+            assert!(
+                step.transition
+                    .is_none_or(|t| t.jump == [0.0; 2] && !t.stands())
+                    && c[s].is_finite()
+            );
         }
         let column = |i: usize, s: usize| match s {
             0..9 => i * LOCAL + s,
@@ -164,9 +168,13 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
             let whiten = tape.prior.cholesky().unwrap().l();
             let whiten = whiten.solve_lower_triangular(&Cov::identity()).unwrap();
             for r in 0..DIM {
-                let entries: Vec<(usize, f64)> = (0..=r).map(|s| (column(0, s), whiten[(r, s)])).collect();
+                let entries: Vec<(usize, f64)> =
+                    (0..=r).map(|s| (column(0, s), whiten[(r, s)])).collect();
                 // The constants are X itself before the first correction.
-                let b: f64 = (0..=r).filter(|s| !(9..29).contains(s)).map(|s| whiten[(r, s)] * c[s]).sum();
+                let b: f64 = (0..=r)
+                    .filter(|s| !(9..29).contains(s))
+                    .map(|s| whiten[(r, s)] * c[s])
+                    .sum();
                 add(&entries, -b);
             }
         }
@@ -187,8 +195,10 @@ fn batch_meets_a_sparse_factor_of_another_library() {
     let tape = &passed.tape;
     let (triplets, rhs, columns) = sparse_rows(tape);
     let rows = rhs.len();
-    let entries: Vec<Triplet<usize, usize, f64>> =
-        triplets.iter().map(|(r, c, v)| Triplet::new(*r, *c, *v)).collect();
+    let entries: Vec<Triplet<usize, usize, f64>> = triplets
+        .iter()
+        .map(|(r, c, v)| Triplet::new(*r, *c, *v))
+        .collect();
     let a = SparseColMat::<usize, f64>::try_new_from_triplets(rows, columns, &entries).unwrap();
     let b = Mat::<f64>::from_fn(rows, 1, |i, _| rhs[i]);
     let solved = factor(&Problem::of_tape(tape)).unwrap();
@@ -222,7 +232,12 @@ fn batch_meets_a_sparse_factor_of_another_library() {
         "{} steps, {rows} rows: sparse QR {:.1e} sd off in {qr_s:.2} s, normal equations {} in {llt_s:.2} s, own {own_s:.2} s",
         tape.steps.len(),
         off(&by_qr),
-        by_llt.as_ref().map_or("not positive".to_owned(), |x| format!("{:.1e} sd off", off(x)))
+        by_llt
+            .as_ref()
+            .map_or("not positive".to_owned(), |x| format!(
+                "{:.1e} sd off",
+                off(x)
+            ))
     );
     assert!(off(&by_qr) < 1e-5);
 }

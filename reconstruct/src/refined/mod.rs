@@ -19,7 +19,7 @@ use crate::error_model::{ATT, STATES};
 use crate::filter::{Setup, Snapshot};
 use crate::findings::WheelUse;
 use crate::rest::RestInterval;
-use crate::smooth::Smoother;
+use crate::smooth::{Smoother, product};
 use crate::smooth::batch::{self, Batch};
 use crate::smooth::posterior::nine;
 use crate::smooth::relinear::Ground;
@@ -162,7 +162,7 @@ fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
     solved.factor.covariances(|i, p| {
         let k = steps[i].k;
         let nominal = solved.trajectory[i];
-        let variance = |h: &Row| h.dot(&(p * h));
+        let variance = |h: &Row| h.dot(&product(p, h));
         answer.list[k] = Some(snapshot(
             setup,
             ground.passed,

@@ -181,12 +181,25 @@ impl Transition {
         out
     }
 
-    /// `Phi P Phi' + Q`.
+    /// `Phi P Phi' + Q`. Constants stay, so the second product changes the rows of the nine only, and of those the nine.
     pub fn predict(&self, p: &mut Cov) {
-        self.congruence(p, Self::forward);
-        for c in 0..STATES {
-            for r in 0..STATES {
-                p[(r, c)] += self.q[(r, c)];
+        for column in p.as_mut_slice().chunks_exact_mut(DIM) {
+            self.forward(column);
+        }
+        for x in p.column_mut(SLIP).iter_mut() {
+            *x *= self.decay;
+        }
+        for r in 0..STATES {
+            let mut row = [0.0; DIM];
+            for (x, c) in row.iter_mut().zip(0..DIM) {
+                *x = p[(r, c)];
+            }
+            for (c, x) in row.iter().enumerate().skip(STATES) {
+                p[(c, r)] = *x;
+            }
+            self.forward(&mut row);
+            for (c, x) in row[..STATES].iter().enumerate() {
+                p[(r, c)] = x + self.q[(r, c)];
             }
         }
         p[(SLIP, SLIP)] += self.q_slip;

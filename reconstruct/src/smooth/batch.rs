@@ -106,7 +106,11 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
             }
             // Few limits crossed are as good as known.
             let few = crossed.total() <= FEW;
-            held_since = Some(if few { (round + 1).saturating_sub(SOFT.len() - 1) } else { round + 1 });
+            held_since = Some(if few {
+                (round + 1).saturating_sub(SOFT.len() - 1)
+            } else {
+                round + 1
+            });
         }
         spare = solved.links;
     }

@@ -14,6 +14,8 @@ pub mod relinear;
 pub mod rts;
 mod sample;
 
+use nalgebra::SMatrix;
+
 /// Which smoother runs behind the refined filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Smoother {
@@ -36,4 +38,23 @@ impl Smoother {
             Self::None => "none",
         }
     }
+}
+
+/// `a b`, with the columns of `a` as short fixed arrays: the general product calls a routine for each of them.
+pub(crate) fn product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut out = SMatrix::<f64, R, C>::zeros();
+    let columns = out.as_mut_slice().chunks_exact_mut(R);
+    for (to, from) in columns.zip(b.as_slice().chunks_exact(K)) {
+        let mut sum = [0.0; R];
+        for (column, x) in a.as_slice().chunks_exact(R).zip(from) {
+            for (s, y) in sum.iter_mut().zip(column) {
+                *s += x * y;
+            }
+        }
+        to.copy_from_slice(&sum);
+    }
+    out
 }

@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::arrow::{Factor, JUMPING, Leap, Link, Local, jumping, local};
 use super::problem::{LOCAL, ordered, unordered};
+use super::product;
 use crate::error_model::STATES;
 use crate::refined::states::{Cov, DIM, Row};
 
@@ -44,7 +45,7 @@ impl Link {
     fn back(&self, x: &Row, rhs: &SVector<f64, LOCAL>, offset: bool) -> (Row, SVector<f64, LOCAL>) {
         let w = self
             .rw
-            .solve_upper_triangular(&(rhs - self.ry * x))
+            .solve_upper_triangular(&(rhs - product(&self.ry, x)))
             .unwrap_or_else(SVector::zeros);
         let mut y = if offset { x + self.offset } else { *x };
         let moved = self.l * w;
@@ -117,25 +118,6 @@ impl Leap {
         }
         (-(left * self.ry), left)
     }
-}
-
-/// `a b`, with the columns of `a` as short fixed arrays: the general product calls a routine for each of them.
-fn product<const R: usize, const K: usize, const C: usize>(
-    a: &SMatrix<f64, R, K>,
-    b: &SMatrix<f64, K, C>,
-) -> SMatrix<f64, R, C> {
-    let mut out = SMatrix::<f64, R, C>::zeros();
-    let columns = out.as_mut_slice().chunks_exact_mut(R);
-    for (to, from) in columns.zip(b.as_slice().chunks_exact(K)) {
-        let mut sum = [0.0; R];
-        for (column, x) in a.as_slice().chunks_exact(R).zip(from) {
-            for (s, y) in sum.iter_mut().zip(column) {
-                *s += x * y;
-            }
-        }
-        to.copy_from_slice(&sum);
-    }
-    out
 }
 
 /// `(I - E K) P (I - E K)' + E G G' E'`, where `E` puts entry `j` into state `place(j)`.
