@@ -125,7 +125,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
         for s in 9..29 {
             assert!(
                 step.transition
-                    .is_none_or(|t| t.jump == [0.0; 2] && !t.stands())
+                    .is_none_or(|t| t.jump.iter().all(|v| *v <= 0.0) && !t.stands())
                     && c[s].is_finite()
             );
         }

@@ -227,7 +227,7 @@ impl Transition {
 
     fn forward(&self, x: &mut [f64]) {
         let h = self.h;
-        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let (r, v, p) = nine(x);
         let mut by_v = self.f_n.cross(&p);
         for (b, c) in self.velocity.iter().zip(&x[BA..]) {
             by_v += b * *c;
@@ -247,7 +247,7 @@ impl Transition {
 
     fn adjoint(&self, x: &mut [f64]) {
         let h = self.h;
-        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let (r, v, p) = nine(x);
         let h2 = 0.5 * h * h;
         // [f x]' y = y x f.
         let by_v = v * -h + r * h2;
@@ -263,6 +263,15 @@ impl Transition {
         put(x, &r, &v, &p);
         x[SLIP] *= self.decay;
     }
+}
+
+/// Position, velocity and angles of a column.
+fn nine(x: &[f64]) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
+    (
+        Vector3::new(x[POS], x[POS + 1], x[POS + 2]),
+        Vector3::new(x[VEL], x[VEL + 1], x[VEL + 2]),
+        Vector3::new(x[ATT], x[ATT + 1], x[ATT + 2]),
+    )
 }
 
 fn put(x: &mut [f64], r: &Vector3<f64>, v: &Vector3<f64>, p: &Vector3<f64>) {

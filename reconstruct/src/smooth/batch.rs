@@ -24,7 +24,7 @@ const HUBER: f64 = 2.5;
 const CONVERGED: f64 = 0.01;
 /// Standard deviations below these count as these: a heading that is zero by definition need not settle to a nanoradian.
 /// Position, m; velocity, m/s; angles, rad.
-const FINE: [f64; 3] = [1e-3, 1e-3, 1e-5];
+const FINE: [f64; 3] = [1e-3, 1e-3, 2e-4];
 /// Largest turn of the attitude in one step, rad: rows are linear that far.
 const TURN: f64 = 0.2;
 /// Most linearisations.

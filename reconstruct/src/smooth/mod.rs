@@ -46,15 +46,14 @@ pub(crate) fn product<const R: usize, const K: usize, const C: usize>(
     b: &SMatrix<f64, K, C>,
 ) -> SMatrix<f64, R, C> {
     let mut out = SMatrix::<f64, R, C>::zeros();
-    let columns = out.as_mut_slice().chunks_exact_mut(R);
-    for (to, from) in columns.zip(b.as_slice().chunks_exact(K)) {
+    for (to, from) in out.data.0.iter_mut().zip(&b.data.0) {
         let mut sum = [0.0; R];
-        for (column, x) in a.as_slice().chunks_exact(R).zip(from) {
+        for (column, x) in a.data.0.iter().zip(from) {
             for (s, y) in sum.iter_mut().zip(column) {
                 *s += x * y;
             }
         }
-        to.copy_from_slice(&sum);
+        *to = sum;
     }
     out
 }

@@ -57,11 +57,7 @@ impl Link {
 
     /// `[L K]` and `L R_w^-1`: what `x_i` tells of the step's noise, and what it leaves.
     fn learnt(&self) -> (SMatrix<f64, LOCAL, DIM>, Local) {
-        let inverse = self
-            .rw
-            .solve_upper_triangular(&Local::identity())
-            .unwrap_or_else(Local::zeros);
-        let left = product(&self.l, &inverse);
+        let left = product(&self.l, &inverted(&self.rw));
         (-product(&left, &self.ry), left)
     }
 
@@ -95,8 +91,8 @@ impl Link {
         let (k, left) = self.learnt();
         spread(p, &k, &left, local);
         self.inverse.predict(p);
-        // Rows and columns are updated from the same product: what is not symmetric would grow from step to step.
-        for c in 0..DIM {
+        // What is not symmetric would grow from step to step; the rest is written twice from one number.
+        for c in 0..STATES {
             for r in 0..c {
                 let mean = 0.5 * (p[(r, c)] + p[(c, r)]);
                 p[(r, c)] = mean;
@@ -106,12 +102,24 @@ impl Link {
     }
 }
 
+/// Inverse of an upper triangle.
+fn inverted<const N: usize>(upper: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+    let mut out = SMatrix::<f64, N, N>::zeros();
+    for j in 0..N {
+        for i in (0..=j).rev() {
+            let mut x = if i == j { 1.0 } else { 0.0 };
+            for k in i + 1..=j {
+                x -= upper[(i, k)] * out[(k, j)];
+            }
+            out[(i, j)] = x / upper[(i, i)];
+        }
+    }
+    out
+}
+
 impl Leap {
     fn learnt(&self) -> (SMatrix<f64, JUMPING, DIM>, SMatrix<f64, JUMPING, JUMPING>) {
-        let mut left: SMatrix<f64, JUMPING, JUMPING> = self
-            .rw
-            .solve_upper_triangular(&SMatrix::identity())
-            .unwrap_or_else(SMatrix::zeros);
+        let mut left = inverted(&self.rw);
         for j in 0..JUMPING {
             let mut row = left.row_mut(j);
             row *= self.sd[j / 3];
@@ -129,18 +137,29 @@ fn spread<const N: usize>(
 ) {
     let v = product(k, p);
     let own = product(&v, &k.transpose()) + product(left, &left.transpose());
-    for c in 0..DIM {
-        for j in 0..N {
-            p[(place(j), c)] -= v[(j, c)];
+    let mut moved = [false; DIM];
+    let mut block = SMatrix::<f64, N, N>::zeros();
+    for c in 0..N {
+        moved[place(c)] = true;
+        for r in 0..=c {
+            let (pr, pc) = (place(r), place(c));
+            let spread = 0.5 * (own[(r, c)] + own[(c, r)]);
+            block[(r, c)] = p[(pr, pc)] - v[(r, pc)] - v[(c, pr)] + spread;
         }
     }
     for j in 0..N {
-        let mut column = p.column_mut(place(j));
-        column -= v.row(j).transpose();
+        for (c, moved) in moved.iter().enumerate() {
+            if !moved {
+                let x = p[(c, place(j))] - v[(j, c)];
+                p[(c, place(j))] = x;
+                p[(place(j), c)] = x;
+            }
+        }
     }
     for c in 0..N {
-        for r in 0..N {
-            p[(place(r), place(c))] += own[(r, c)];
+        for r in 0..=c {
+            p[(place(r), place(c))] = block[(r, c)];
+            p[(place(c), place(r))] = block[(r, c)];
         }
     }
 }
