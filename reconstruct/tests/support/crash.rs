@@ -8,6 +8,7 @@ use reconstruct::refined::pass::{self, Given, Passed};
 use reconstruct::rest::{self, RestInterval};
 use reconstruct::road::RoadLimits;
 use reconstruct::simulate::{Class, Scenario, TruthRow, simulate};
+use reconstruct::smooth::relinear::Ground;
 use reconstruct::start::{self, Start};
 use schema::Sample;
 use schema::num::round_usize;
@@ -110,4 +111,20 @@ impl Crash {
         })
         .unwrap()
     }
+}
+
+/// Runs `test` with everything a ground borrows.
+#[allow(dead_code, reason = "not every test takes the parts")]
+pub(crate) fn with<T>(crash: &Crash, test: impl FnOnce(&Ground<'_>) -> T) -> T {
+    let passed: Passed = crash.pass();
+    let setup = crash.setup();
+    let given = Given {
+        setup: &setup,
+        rest: &crash.rest,
+        tuning: &crash.tuning,
+    };
+    test(&Ground {
+        given,
+        passed: &passed,
+    })
 }
