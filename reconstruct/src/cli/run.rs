@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Rest pose
     #[arg(help = "Where the car came to rest: LAT,LON,HEADING_DEG[,SD_M,SD_DEG], WGS 84; sds 0.5 m and 1 deg if not given", long, allow_hyphen_values = true, value_name = "LAT,LON,HEADING_DEG[,SD_M,SD_DEG]", value_parser = rest_pose)]
     rest_pose: Option<RestPose>,
-    /// Smoother of the refined model: rts (sweep), batch (all epochs at once) or none
+    /// Smoother, where the model has one: rts (a sweep), batch (all epochs at once) or none
     #[arg(long, default_value = "rts", value_name = "rts|batch|none", value_parser = smoother)]
     smoother: Smoother,
     /// Confidence of every bound and of the funnel
