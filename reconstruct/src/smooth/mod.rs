@@ -2,6 +2,11 @@
 //!
 //! The pass runs from rest to the beginning of the record, so its last epoch (the earliest) knows everything already; the
 //! sweep back brings what was learnt late - calibration from the drive before the crash - to the crash itself.
+//!
+//! [`rts`] is that sweep, linear about the filter's path. [`batch`] solves all epochs at once, linear about its own solution:
+//! the same figures where the attitude is known to some milliradians, and honest ones where it is not (a gap, a gyro at its
+//! limit), where the filter learns from its own changes of mind. [`arrow`] is its factor, from which the covariances and the
+//! influence of every row follow ([`posterior`]), and so sample paths and the error budget ([`budget`], [`figures`]).
 
 pub mod arrow;
 pub mod batch;
