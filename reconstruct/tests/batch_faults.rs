@@ -100,7 +100,7 @@ fn settles_on_faulty_records() {
         cut.cut(cut.epochs.list.partition_point(|e| e.t_s <= end));
         let mut gap = Crash::draw(Class::Side, seed, 30.0);
         let from = gap.motion.impacts[0].first - 300;
-        let ends = [from - 1, from + 50].map(|k| gap.epochs.list[k].clone());
+        let ends = [from - 1, from + 50].map(|k| gap.epochs.list[k]);
         for (i, epoch) in gap.epochs.list[from..from + 50].iter_mut().enumerate() {
             let share = (schema::num::real(i) + 1.0) / 51.0;
             epoch.accel = ends[0].accel.lerp(&ends[1].accel, share);
