@@ -12,6 +12,7 @@ use reconstruct::report::pictures::Pictures;
 use reconstruct::report::{page, summary, terminal};
 use reconstruct::road::RoadLimits;
 use reconstruct::run::{Model, Options, Road, reconstruct};
+use reconstruct::smooth::Smoother;
 use serde_json::json;
 
 use crate::cli::decrypt::Identity;
@@ -29,7 +30,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Model of the trajectory: refined, nine-state, published or dead-reckoning
-    #[arg(long, default_value = "refined", value_name = "MODEL", value_parser = model)]
+    #[arg(long, default_value = "nine-state", value_name = "MODEL", value_parser = model)]
     model: Model,
     /// Road limits: h1, none, or a JSON file of limits
     #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]
@@ -54,6 +55,9 @@ pub(crate) struct Args {
     /// Side of the road that traffic keeps to: right or left
     #[arg(long, default_value = "right", value_name = "SIDE", value_parser = traffic)]
     traffic: Traffic,
+    /// Smoother, where the model has one: rts (a sweep), batch (all epochs at once) or none
+    #[arg(long, default_value = "rts", value_name = "rts|batch|none", value_parser = smoother)]
+    smoother: Smoother,
     /// Confidence of every bound and of the funnel
     #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]
     confidence: f64,
@@ -77,6 +81,13 @@ pub(crate) fn model(text: &str) -> Result<Model, String> {
         .into_iter()
         .find(|model| model.name() == text)
         .ok_or_else(|| "expected refined, nine-state, published or dead-reckoning".to_owned())
+}
+
+fn smoother(text: &str) -> Result<Smoother, String> {
+    [Smoother::Rts, Smoother::Batch, Smoother::None]
+        .into_iter()
+        .find(|s| s.name() == text)
+        .ok_or_else(|| "expected rts, batch or none".to_owned())
 }
 
 fn number(text: &str) -> Result<f64, String> {
@@ -221,6 +232,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         from_s: args.from,
         to_s: args.to,
         reaction_s: args.reaction,
+        smoother: args.smoother,
         ..Options::default()
     };
     let loaded = Loaded::open(&args.record, &args.identity)?;
@@ -285,7 +297,10 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{confidence, model, reaction, rest_heading, rest_point, rest_pose, traffic};
+    use super::{
+        Smoother, confidence, model, reaction, rest_heading, rest_point, rest_pose, smoother,
+        traffic,
+    };
 
     #[test]
     fn arguments() {
@@ -312,6 +327,12 @@ mod tests {
         assert!(rest_heading("1,0").is_err() && traffic("up").is_err());
         assert!(model("refined").is_ok() && model("best").is_err());
         assert!(reaction("31").is_err() && reaction("-1").is_err() && reaction("30").is_ok());
+        assert_eq!(smoother("batch"), Ok(Smoother::Batch));
+        assert!(
+            smoother("kalman")
+                .unwrap_err()
+                .contains("rts, batch or none")
+        );
         assert!(confidence("1").is_err() && confidence("0.5").is_ok());
     }
 }

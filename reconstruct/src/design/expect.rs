@@ -1,10 +1,11 @@
 //! What one data sheet gives on one manoeuvre: the expected funnel.
 
 use nalgebra::{Matrix2, Vector2};
-use schema::num::{real, round_usize, u64_of};
+use schema::num::{real, round_usize};
 use schema::parts::{Clip, Completion};
 use schema::{Sample, num};
 
+use super::clips::clips;
 use super::manoeuvre::Plan;
 use super::parallel;
 use super::sheet::DataSheet;
@@ -14,7 +15,7 @@ use crate::epochs::Epochs;
 use crate::export::ellipse::{Ellipse, of_state};
 use crate::findings::Reconstruction;
 use crate::run::{Facts, Model, Options, Road, from_epochs};
-use crate::simulate::{Errors, ImuFrame, Scenario, Simulated, Truth, TruthRow, simulate};
+use crate::simulate::{Errors, Scenario, Simulated, Truth, TruthRow, simulate};
 use crate::trajectory::State;
 
 /// Rate of the IMU frames in a study, Hz: fast enough that clipping is the sensor's and not the frame's.
@@ -422,45 +423,4 @@ pub(super) fn distance(p: &Matrix2<f64>, off: &Vector2<f64>) -> f64 {
         .map_or(f64::INFINITY, |inverse| {
             off.dot(&(inverse * off)).max(0.0).sqrt()
         })
-}
-
-/// The clipping part of the record: frames at their sensor's range, by bin and axis.
-fn clips(frames: &[ImuFrame], scenario: &Scenario, from: usize) -> Vec<Clip> {
-    let per_bin = u16::try_from(scenario.imu_hz / 100).unwrap_or(1);
-    let ranges = [scenario.errors.accel_range, scenario.errors.rate_range];
-    let mut clips: Vec<Clip> = Vec::new();
-    for frame in frames.iter().filter(|frame| frame.clipped) {
-        let index = u64_of(round_usize((frame.t * 100.0 - 1e-6).ceil()));
-        if index < u64_of(from) {
-            continue;
-        }
-        for axis in 0..6_u8 {
-            let i = usize::from(axis % 3);
-            let (value, range) = if axis < 3 {
-                (frame.accel[i], ranges[0])
-            } else {
-                (frame.rate[i], ranges[1])
-            };
-            if range.is_none_or(|range| value.abs() < range) {
-                continue;
-            }
-            let sign = if value < 0.0 { -1 } else { 1 };
-            match clips
-                .iter_mut()
-                .rev()
-                .take(12)
-                .find(|clip| clip.index == index && clip.axis == axis && clip.sign == sign)
-            {
-                Some(clip) => clip.clipped = clip.clipped.saturating_add(1),
-                None => clips.push(Clip {
-                    index,
-                    axis,
-                    sign,
-                    clipped: 1,
-                    frames: per_bin,
-                }),
-            }
-        }
-    }
-    clips
 }

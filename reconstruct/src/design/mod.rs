@@ -13,6 +13,7 @@
 //! 6. [`json`], [`table`], [`picture`], [`page`]: what a person and a program get.
 
 mod chart;
+mod clips;
 pub mod expect;
 mod file;
 pub mod grades;

@@ -1,12 +1,13 @@
 //! The refined model: the nine states with everything that bends them estimated beside them, and smoothed.
 //!
-//! [`pass`] runs backwards from rest over [`states`] (30) with the rows of [`measure`] and the steps of [`transition`], and
+//! [`pass`] runs backwards from rest over [`states`] (31) with the rows of [`measure`] and the steps of [`transition`], and
 //! writes a [`tape`]. [`crate::smooth`] sweeps back over it. The result is the same kind of snapshot that every model gives,
 //! so findings, funnel and report do not know which model ran.
 
 pub mod inputs;
 pub mod measure;
 pub mod pass;
+mod prior;
 pub mod states;
 pub mod tape;
 pub mod transition;
@@ -22,11 +23,13 @@ use crate::findings::delta_v::JointPulse;
 use crate::mechanize::free_of_gravity;
 use crate::motion::{Motion, SMOOTH_S, centred_mean};
 use crate::rest::RestInterval;
-use crate::smooth::Smoother;
+use crate::smooth::batch::{self, Batch};
+use crate::smooth::posterior::nine;
+use crate::smooth::relinear::Ground;
 use crate::smooth::rts::{Adjoint, cross_covariance};
+use crate::smooth::{Smoother, product};
 use pass::{Given, Passed};
 use states::{BA, Cov, Nominal, Row, SA};
-use tape::Step;
 pub use tuning::Tuning;
 
 /// Passes after the first where no rest was found.
@@ -49,6 +52,8 @@ pub struct Refined {
     pub after: (Nominal, Cov),
     /// The pass, for the batch solve, the error budget and the findings of faults.
     pub passed: Passed,
+    /// The batch solve, if it was asked for: sample paths and error budgets.
+    pub batch: Option<Box<Batch>>,
 }
 
 impl Refined {
@@ -82,7 +87,7 @@ impl Refined {
 /// Runs filter and smoother.
 ///
 /// # Errors
-/// As [`pass::run`].
+/// As [`pass::run`] and [`batch::solve`].
 pub fn run(
     setup: &Setup<'_>,
     rest: &RestInterval,
@@ -105,40 +110,19 @@ pub fn run(
             passed = pass::run(given)?;
         }
     }
-    let epochs = setup.reversed.forward();
-    let steps = &passed.tape.steps;
-    let impacts = &setup.motion.impacts;
-    let mut joint = vec![None; impacts.len()];
-    let mut list: Vec<Option<Snapshot>> = vec![None; epochs.list.len()];
-    let mut nominals = vec![None; epochs.list.len()];
-    let mut adjoint = Adjoint::last();
-    let mut before = None;
-    let mut after = None;
-    for (i, step) in steps.iter().enumerate().rev() {
-        let nominal = adjoint.nominal(&step.nominal, &step.p);
-        nominals[step.k] = Some(nominal);
-        list[step.k] = Some(snapshot(setup, &passed, step, &nominal, &adjoint));
-        for (pulse, joint) in impacts.iter().zip(&mut joint) {
-            // The pulse's end is passed first, on the way back from rest.
-            if pulse.before == step.k && pulse.last <= setup.start.k && pulse.last > pulse.before {
-                *joint = joint_of(&passed, i, pulse.last - pulse.before, &adjoint);
-            }
-        }
-        if i + 1 == steps.len() {
-            before = Some((nominal, adjoint.whole(&step.p)));
-        }
-        if i == 0 {
-            after = Some((nominal, adjoint.whole(&step.p)));
-        }
-        if smoother == Smoother::Rts {
-            adjoint.retreat(&passed.tape, i);
-        }
-    }
+    let answer = match smoother {
+        Smoother::Batch => by_batch(&Ground {
+            given,
+            passed: &passed,
+        })?,
+        Smoother::Rts | Smoother::None => by_sweep(setup, &passed, smoother),
+    };
     let missing = || ReconstructError::Numeric {
         place: "refined model",
         what: "the record has no sample to start from".to_owned(),
     };
     // What comes behind the start stands still, or was not heard.
+    let list = answer.list;
     let held = list
         .iter()
         .rev()
@@ -152,11 +136,12 @@ pub fn run(
         .collect();
     Ok(Refined {
         snapshots,
-        nominals,
+        nominals: answer.nominals,
         wheels: passed.wheels,
-        joint,
-        before: before.ok_or_else(missing)?,
-        after: after.ok_or_else(missing)?,
+        joint: answer.joint,
+        before: answer.before.ok_or_else(missing)?,
+        after: answer.after.ok_or_else(missing)?,
+        batch: answer.batch,
         passed,
     })
 }
@@ -171,6 +156,119 @@ fn smoothed_start(passed: &Passed) -> Option<Nominal> {
     Some(adjoint.nominal(&first.nominal, &first.p))
 }
 
+/// What a smoother gives.
+struct Answer {
+    list: Vec<Option<Snapshot>>,
+    nominals: Vec<Option<Nominal>>,
+    joint: Vec<Option<JointPulse>>,
+    before: Option<(Nominal, Cov)>,
+    after: Option<(Nominal, Cov)>,
+    batch: Option<Box<Batch>>,
+}
+
+fn by_sweep(setup: &Setup<'_>, passed: &Passed, smoother: Smoother) -> Answer {
+    let steps = &passed.tape.steps;
+    let impacts = &setup.motion.impacts;
+    let mut answer = Answer {
+        list: vec![None; setup.reversed.forward().list.len()],
+        nominals: vec![None; setup.reversed.forward().list.len()],
+        joint: vec![None; impacts.len()],
+        before: None,
+        after: None,
+        batch: None,
+    };
+    let mut adjoint = Adjoint::last();
+    for (i, step) in steps.iter().enumerate().rev() {
+        let nominal = adjoint.nominal(&step.nominal, &step.p);
+        let nine = adjoint.covariance::<STATES>(&step.p);
+        let variance = |h: &Row| adjoint.variance(&step.p, h);
+        answer.nominals[step.k] = Some(nominal);
+        answer.list[step.k] = Some(snapshot(setup, passed, step.k, &nominal, &nine, variance));
+        for (pulse, joint) in impacts.iter().zip(&mut answer.joint) {
+            // The pulse's end is passed first, on the way back from rest.
+            if pulse.before == step.k && pulse.last <= setup.start.k && pulse.last > pulse.before {
+                *joint = joint_of(passed, i, pulse.last - pulse.before, &adjoint);
+            }
+        }
+        if i + 1 == steps.len() {
+            answer.before = Some((nominal, adjoint.whole(&step.p)));
+        }
+        if i == 0 {
+            answer.after = Some((nominal, adjoint.whole(&step.p)));
+        }
+        if smoother == Smoother::Rts {
+            adjoint.retreat(&passed.tape, i);
+        }
+    }
+    answer
+}
+
+fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
+    let setup = ground.given.setup;
+    let impacts = &setup.motion.impacts;
+    let solved = batch::solve(ground)?;
+    let steps = &ground.passed.tape.steps;
+    let mut answer = Answer {
+        list: vec![None; setup.reversed.forward().list.len()],
+        nominals: vec![None; setup.reversed.forward().list.len()],
+        joint: vec![None; impacts.len()],
+        before: None,
+        after: None,
+        batch: None,
+    };
+    // Of each impact: stage and covariance of the pulse's start, until its end is reached.
+    let mut open: Vec<Option<(usize, Cov)>> = vec![None; impacts.len()];
+    solved.factor.covariances(|i, p| {
+        let k = steps[i].k;
+        let nominal = solved.trajectory[i];
+        let variance = |h: &Row| h.dot(&product(p, h));
+        answer.nominals[k] = Some(nominal);
+        answer.list[k] = Some(snapshot(
+            setup,
+            ground.passed,
+            k,
+            &nominal,
+            &nine(p),
+            variance,
+        ));
+        for ((pulse, open), joint) in impacts.iter().zip(&mut open).zip(&mut answer.joint) {
+            if pulse.before == k && pulse.last <= setup.start.k && pulse.last > pulse.before {
+                *open = Some((i, *p));
+            }
+            if pulse.last == k
+                && let Some((late, p_late)) = open.take()
+            {
+                let cross = solved.factor.cross(i, late, &p_late);
+                *joint = Some(joined(&p_late, p, &cross));
+            }
+        }
+        if i + 1 == steps.len() {
+            answer.before = Some((nominal, *p));
+        }
+        if i == 0 {
+            answer.after = Some((nominal, *p));
+        }
+    });
+    answer.batch = Some(Box::new(solved));
+    Ok(answer)
+}
+
+/// From the covariances of the pulse's start and end and their cross covariance (rows: the end).
+fn joined(start: &Cov, end: &Cov, cross: &Cov) -> JointPulse {
+    let mut covariance = SMatrix::<f64, { 2 * STATES }, { 2 * STATES }>::zeros();
+    let mut put = |r: usize, c: usize, m: SMatrix<f64, STATES, STATES>| {
+        covariance
+            .fixed_view_mut::<STATES, STATES>(r, c)
+            .copy_from(&m);
+    };
+    let block = nine(cross);
+    put(0, 0, nine(start));
+    put(STATES, STATES, nine(end));
+    put(STATES, 0, block);
+    put(0, STATES, block.transpose());
+    JointPulse { covariance }
+}
+
 /// Joint covariance of step `late` (a pulse's start) and of the one `length` epochs after it in time.
 fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> Option<JointPulse> {
     let tape = &passed.tape;
@@ -181,35 +279,25 @@ fn joint_of(passed: &Passed, late: usize, length: usize, at_late: &Adjoint) -> O
         at_early.retreat(tape, i);
     }
     let cross = cross_covariance(tape, early, late, at_late);
-    let mut covariance = SMatrix::<f64, { 2 * STATES }, { 2 * STATES }>::zeros();
-    let mut put = |r: usize, c: usize, m: SMatrix<f64, STATES, STATES>| {
-        covariance
-            .fixed_view_mut::<STATES, STATES>(r, c)
-            .copy_from(&m);
-    };
-    put(0, 0, at_late.covariance::<STATES>(&tape.steps[late].p));
-    put(
-        STATES,
-        STATES,
-        at_early.covariance::<STATES>(&tape.steps[early].p),
-    );
-    let block = cross.fixed_view::<STATES, STATES>(0, 0).into_owned();
-    put(STATES, 0, block);
-    put(0, STATES, block.transpose());
-    Some(JointPulse { covariance })
+    Some(joined(
+        &at_late.whole(&tape.steps[late].p),
+        &at_early.whole(&tape.steps[early].p),
+        &cross,
+    ))
 }
 
 fn snapshot(
     setup: &Setup<'_>,
     passed: &Passed,
-    step: &Step,
+    k: usize,
     nominal: &Nominal,
-    adjoint: &Adjoint,
+    p: &SMatrix<f64, STATES, STATES>,
+    variance: impl Fn(&Row) -> f64,
 ) -> Snapshot {
     let epochs = setup.reversed.forward();
-    let epoch = &epochs.list[step.k];
+    let epoch = &epochs.list[k];
     let speed = nominal.nav.v_n.v.norm();
-    let density = passed.inputs.density(epochs, step.k, speed);
+    let density = passed.inputs.density(epochs, k, speed);
     // Acceleration along a body axis free of gravity: `e . (C' (psi x g) + ba + sa f)` and noise.
     let sd_accel = [0, 1].map(|axis| {
         let a: Vector3<f64> = nominal.nav.c_nb.m.column(axis).into_owned();
@@ -218,15 +306,15 @@ fn snapshot(
         h.fixed_rows_mut::<3>(ATT).copy_from(&tilt);
         h[BA + axis] = 1.0;
         h[SA + axis] = epoch.accel[axis];
-        (adjoint.variance(&step.p, &h) + density.accel[axis] / epoch.dt)
+        (variance(&h) + density.accel[axis] / epoch.dt)
             .max(0.0)
             .sqrt()
     });
     Snapshot {
         nav: nominal.nav,
-        p: adjoint.covariance::<STATES>(&step.p),
+        p: *p,
         sd_accel,
         accel_noise: [density.accel[0], density.accel[1]],
-        wheels_used: passed.wheels_used[step.k],
+        wheels_used: passed.wheels_used[k],
     }
 }

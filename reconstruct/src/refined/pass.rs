@@ -1,34 +1,26 @@
 //! The backward pass of the refined model: from rest (or from the end of a cut record) to the record's first sample.
 
-use nalgebra::Vector3;
 use schema::num::real_u64;
 
 use super::inputs::Inputs;
 use super::measure::{self, Scalar, WheelFrame};
-use super::states::{
-    BA, BG, CORIOLIS, Cov, LATENCY, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, SA, SG, SLIP,
-    SLIP_GRADIENT, TRACK, WHEEL_LEFT, WHEEL_RIGHT,
-};
+use super::prior;
+use super::states::{Cov, Nominal, SLIP};
 use super::tape::{Linear, Source, Step, Tape};
 use super::transition::Transition;
 use super::tuning::Tuning;
 use crate::constraint::Geometry;
 use crate::epochs::{Epoch, Epochs};
 use crate::error::ReconstructError;
-use crate::error_model::{ATT, POS, STATES, VEL};
+use crate::error_model::{STATES, VEL};
 use crate::filter::Setup;
 use crate::findings::WheelUse;
-use crate::mechanize::{EARTH_RATE, Nav9, backward};
+use crate::mechanize::{Nav9, backward};
 use crate::rest::{self, RestInterval, Stand};
 
-/// Place and speed at rest, one sigma, m and m/s: what the springs leave once they have settled. A speed error lives on
-/// as a drift of the place until the wheels tell it, so a careless centimetre a second is 4 cm at the impact.
-const REST_PLACE_SD: f64 = 0.005;
-const REST_SPEED_SD: f64 = 0.002;
-/// Tilt before levelling, rad: wide, levelling decides.
-const REST_TILT_SD: f64 = 0.2;
-/// Heading at rest is zero by definition; a number above zero keeps the prior invertible, rad.
-const REST_HEADING_SD: f64 = 1e-6;
+/// Speed at rest, one sigma, m/s: what the springs leave once they have settled. A speed error lives on as a drift of
+/// the place until the wheels tell it, so a careless centimetre a second is 4 cm at the impact.
+pub(super) const REST_SPEED_SD: f64 = 0.002;
 /// Gravity where the latitude is not known (and what the ground shakes), m/s^2.
 const GRAVITY_SD: f64 = 0.015;
 /// Mean of a level accelerometer at rest beside its noise, m/s^2.
@@ -39,10 +31,6 @@ const RATE_BIAS_DRIFT: f64 = 0.02;
 const STAND_SPEED: f64 = 0.3;
 /// Springs of a standing car, rad a second.
 const STAND_ANGLE_SD: f64 = 2e-4;
-/// Speed of a car of which neither rest nor wheels tell it, m/s.
-const UNKNOWN_SPEED_SD: f64 = 20.0;
-/// Sideways speed of the same after an impact, m/s.
-const UNKNOWN_SIDE_SD: f64 = 12.0;
 /// A wheel that goes on after an impact may be bent or drag: share of its speed.
 const BENT_SHARE: f64 = 0.05;
 
@@ -187,8 +175,8 @@ impl<'a> Runner<'a> {
             epochs,
             geometry: Geometry::new(&epochs.header.vehicle),
             inputs: Inputs::new(epochs, setup.motion),
-            nominal: nominal(&given),
-            p: prior(&given),
+            nominal: prior::nominal(&given),
+            p: prior::covariance(&given),
             linear: Vec::new(),
             wheels: WheelUse::default(),
             refused: [0; 2],
@@ -456,99 +444,6 @@ impl<'a> Runner<'a> {
             gain,
         });
         true
-    }
-}
-
-/// Where the pass starts.
-fn nominal(given: &Given<'_>) -> Nominal {
-    let setup = given.setup;
-    let mut cal = nalgebra::SVector::<f64, PARAMS>::zeros();
-    cal[LATENCY - STATES] = setup.reversed.forward().header.wheels.latency_s;
-    cal[SLIP_GRADIENT - STATES] = given.tuning.slip_gradient[0];
-    Nominal {
-        nav: given.again.unwrap_or(setup.start.nav),
-        cal,
-    }
-}
-
-/// What is known before the first measurement.
-fn prior(given: &Given<'_>) -> Cov {
-    let setup = given.setup;
-    let epochs = setup.reversed.forward();
-    let (imu, wheels) = (&epochs.header.imu, &epochs.header.wheels);
-    let mut p = Cov::zeros();
-    let mut set = |state: usize, sd: f64| p[(state, state)] = sd * sd;
-    for axis in 0..3 {
-        set(BA + axis, imu.accel_bias);
-        set(SA + axis, imu.accel_scale);
-        set(BG + axis, imu.rate_bias);
-        set(SG + axis, imu.rate_scale);
-    }
-    let top = epochs
-        .list
-        .iter()
-        .flat_map(|e| e.wheels)
-        .flatten()
-        .fold(30.0, f64::max);
-    // The horizontal Coriolis acceleration is at most 2 Omega v; uniform within it [S03, 3.3.1].
-    let unknown_earth = setup.earth.rate_n.v == Vector3::zeros();
-    let coriolis = if unknown_earth {
-        2.0 * EARTH_RATE * top / 3.0_f64.sqrt()
-    } else {
-        1e-6
-    };
-    set(CORIOLIS, coriolis);
-    set(CORIOLIS + 1, coriolis);
-    set(MOUNT_YAW, imu.mounting_sd[2].max(1e-6));
-    set(MOUNT_PITCH, imu.mounting_sd[1].max(1e-6));
-    set(LATENCY, wheels.latency_sd_s.max(1e-6));
-    set(SLIP_GRADIENT, given.tuning.slip_gradient[1]);
-    set(SLIP, given.tuning.slip_sd);
-    set(TRACK, given.tuning.track_sd);
-    if given.rest.found() {
-        for axis in 0..3 {
-            set(POS + axis, REST_PLACE_SD);
-            set(VEL + axis, 10.0 * REST_SPEED_SD);
-        }
-        set(ATT, REST_TILT_SD);
-        set(ATT + 1, REST_TILT_SD);
-        set(ATT + 2, REST_HEADING_SD);
-    } else {
-        moving(given, &mut p);
-    }
-    let (common, half) = (
-        wheels.scale_sd.powi(2),
-        (0.5 * wheels.scale_difference_sd).powi(2),
-    );
-    for side in [WHEEL_LEFT, WHEEL_RIGHT] {
-        p[(side, side)] = common + half;
-    }
-    p[(WHEEL_LEFT, WHEEL_RIGHT)] = common - half;
-    p[(WHEEL_RIGHT, WHEEL_LEFT)] = common - half;
-    p
-}
-
-/// A record that ends moving: as the nine-state model starts it, but after an impact no wheel and no direction counts;
-/// the drive before the impact tells the speed.
-fn moving(given: &Given<'_>, p: &mut Cov) {
-    let setup = given.setup;
-    let belief = &setup.start.belief;
-    for i in 0..STATES {
-        p[(i, i)] = belief.p_xx[(i, i)];
-    }
-    p[(ATT + 2, ATT + 2)] = REST_HEADING_SD * REST_HEADING_SD;
-    let after = setup
-        .motion
-        .after_impact
-        .get(setup.start.k)
-        .copied()
-        .unwrap_or(false);
-    if after {
-        p[(VEL, VEL)] = UNKNOWN_SPEED_SD * UNKNOWN_SPEED_SD;
-        p[(VEL + 1, VEL + 1)] = UNKNOWN_SIDE_SD * UNKNOWN_SIDE_SD;
-        p[(VEL + 2, VEL + 2)] = 1.0;
-        p[(ATT, ATT)] = 0.1 * 0.1;
-        p[(ATT + 1, ATT + 1)] = 0.1 * 0.1;
     }
 }
 

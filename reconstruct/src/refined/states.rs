@@ -42,11 +42,11 @@ pub const WHEEL_RIGHT: usize = 26;
 pub const LATENCY: usize = 27;
 /// Sideslip of the rear axle per lateral acceleration, rad/(m/s^2), outwards.
 pub const SLIP_GRADIENT: usize = 28;
-/// Sideslip of the rear axle beside that, rad: a Gauss-Markov process.
-pub const SLIP: usize = 29;
-
 /// Track width: true over configured, less one.
-pub const TRACK: usize = 30;
+pub const TRACK: usize = 29;
+/// Sideslip of the rear axle beside that, rad: a Gauss-Markov process, and the last state: those before it from
+/// [`BA`] on are constant but for the jump of the biases.
+pub const SLIP: usize = 30;
 
 /// Covariance of all states.
 pub type Cov = SMatrix<f64, DIM, DIM>;

@@ -128,6 +128,43 @@ impl Transition {
         self
     }
 
+    /// True if the car stands in this step.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.h == 0.0
+    }
+
+    /// The same step of a moving car about another trajectory; noise and process stay.
+    #[must_use]
+    pub fn about(&self, view: &StepView, f_b: &Vec3<Body>, w_b: &Vec3<Body>) -> Self {
+        let (velocity, angle) = drives(&view.c_mid, f_b, w_b);
+        Self {
+            f_n: view.f_n.v,
+            velocity,
+            angle,
+            ..*self
+        }
+    }
+
+    /// Factor of the sideslip process.
+    #[must_use]
+    pub fn decay(&self) -> f64 {
+        self.decay
+    }
+
+    /// The way back: `Phi^-1` without noise. `F` is nilpotent, so it is the same step with the opposite sign.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        Self {
+            h: -self.h,
+            decay: 1.0 / self.decay,
+            q: SMatrix::zeros(),
+            q_slip: 0.0,
+            jump: [0.0; 2],
+            ..*self
+        }
+    }
+
     /// `Phi x`.
     #[must_use]
     pub fn apply(&self, x: &Row) -> Row {
@@ -144,12 +181,25 @@ impl Transition {
         out
     }
 
-    /// `Phi P Phi' + Q`.
+    /// `Phi P Phi' + Q`. Constants stay, so the second product changes the rows of the nine only, and of those the nine.
     pub fn predict(&self, p: &mut Cov) {
-        self.congruence(p, Self::forward);
-        for c in 0..STATES {
-            for r in 0..STATES {
-                p[(r, c)] += self.q[(r, c)];
+        for column in p.as_mut_slice().chunks_exact_mut(DIM) {
+            self.forward(column);
+        }
+        for x in p.column_mut(SLIP).iter_mut() {
+            *x *= self.decay;
+        }
+        for r in 0..STATES {
+            let mut row = [0.0; DIM];
+            for (x, c) in row.iter_mut().zip(0..DIM) {
+                *x = p[(r, c)];
+            }
+            for (c, x) in row.iter().enumerate().skip(STATES) {
+                p[(c, r)] = *x;
+            }
+            self.forward(&mut row);
+            for (c, x) in row[..STATES].iter().enumerate() {
+                p[(r, c)] = x + self.q[(r, c)];
             }
         }
         p[(SLIP, SLIP)] += self.q_slip;
@@ -177,7 +227,7 @@ impl Transition {
 
     fn forward(&self, x: &mut [f64]) {
         let h = self.h;
-        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let (r, v, p) = nine(x);
         let mut by_v = self.f_n.cross(&p);
         for (b, c) in self.velocity.iter().zip(&x[BA..]) {
             by_v += b * *c;
@@ -197,7 +247,7 @@ impl Transition {
 
     fn adjoint(&self, x: &mut [f64]) {
         let h = self.h;
-        let [r, v, p] = [POS, VEL, ATT].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
+        let (r, v, p) = nine(x);
         let h2 = 0.5 * h * h;
         // [f x]' y = y x f.
         let by_v = v * -h + r * h2;
@@ -213,6 +263,15 @@ impl Transition {
         put(x, &r, &v, &p);
         x[SLIP] *= self.decay;
     }
+}
+
+/// Position, velocity and angles of a column.
+fn nine(x: &[f64]) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
+    (
+        Vector3::new(x[POS], x[POS + 1], x[POS + 2]),
+        Vector3::new(x[VEL], x[VEL + 1], x[VEL + 2]),
+        Vector3::new(x[ATT], x[ATT + 1], x[ATT + 2]),
+    )
 }
 
 fn put(x: &mut [f64], r: &Vector3<f64>, v: &Vector3<f64>, p: &Vector3<f64>) {
@@ -308,6 +367,14 @@ mod tests {
         }
         let top = q.view((0, 0), (9, 9));
         assert!((top - step.q).norm() < 1e-15 + 1e-12 * step.q.norm());
+    }
+
+    #[test]
+    fn inverse_undoes_the_step() {
+        let (view, f_b, w_b, density) = sample();
+        let step = Transition::moving(&view, &f_b, &w_b, 0.05, &density).with_slip(0.01, 1.0, 0.05);
+        let x = Row::from_fn(|i, _| real(1 + 3 * i).sin());
+        assert!((step.inverse().apply(&step.apply(&x)) - x).norm() < 1e-14);
     }
 
     #[test]

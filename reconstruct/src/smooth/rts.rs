@@ -7,6 +7,7 @@
 
 use nalgebra::SMatrix;
 
+use super::product;
 use crate::refined::states::{Cov, DIM, Nominal, Row};
 use crate::refined::tape::{Linear, Tape};
 
@@ -35,17 +36,27 @@ impl Adjoint {
         // (I - K h')' y = y - h (K . y).
         let step = self.lambda.dot(k) + z.residual / z.s;
         self.lambda -= h * step;
-        let lk = self.big * k;
+        let lk = product(&self.big, k);
         let klk = k.dot(&lk) + 1.0 / z.s;
-        // L - h (L K)' - (L K) h' + h h' (K' L K + 1/S), by columns.
-        for c in 0..DIM {
+        // L - h (L K)' - (L K) h' + h h' (K' L K + 1/S), by columns; a row sees few states.
+        let mut seen = [0; DIM];
+        let mut count = 0;
+        for (r, x) in h.iter().enumerate() {
+            if *x != 0.0 {
+                seen[count] = r;
+                count += 1;
+            }
+        }
+        for (c, column) in self.big.as_mut_slice().chunks_exact_mut(DIM).enumerate() {
             let (hc, lc) = (h[c], lk[c]);
-            let mut column = self.big.column_mut(c);
             if hc != 0.0 {
-                column.axpy(-hc, &lk, 1.0);
-                column.axpy(klk * hc - lc, h, 1.0);
-            } else if lc != 0.0 {
-                column.axpy(-lc, h, 1.0);
+                for (x, l) in column.iter_mut().zip(lk.iter()) {
+                    *x -= hc * l;
+                }
+            }
+            let by = klk * hc - lc;
+            for &r in &seen[..count] {
+                column[r] += by * h[r];
             }
         }
     }
@@ -65,7 +76,7 @@ impl Adjoint {
     /// Errors of step `i` about its nominal, from all data.
     #[must_use]
     pub fn errors(&self, p: &Cov) -> Row {
-        -(p * self.lambda)
+        -product(p, &self.lambda)
     }
 
     /// The smoothed nominal.
@@ -77,9 +88,9 @@ impl Adjoint {
     /// Smoothed covariance of the first `R` states.
     #[must_use]
     pub fn covariance<const R: usize>(&self, p: &Cov) -> SMatrix<f64, R, R> {
-        let rows = p.fixed_view::<DIM, R>(0, 0);
-        let seen = self.big * rows;
-        let mut out = p.fixed_view::<R, R>(0, 0) - rows.transpose() * seen;
+        let rows = p.fixed_view::<DIM, R>(0, 0).into_owned();
+        let seen = product(&self.big, &rows);
+        let mut out = p.fixed_view::<R, R>(0, 0) - product(&rows.transpose(), &seen);
         out = (out + out.transpose()) * 0.5;
         out
     }
@@ -93,9 +104,27 @@ impl Adjoint {
     /// Smoothed variance of a linear function `a` of the errors.
     #[must_use]
     pub fn variance(&self, p: &Cov, a: &Row) -> f64 {
-        let pa = p * a;
-        a.dot(&pa) - pa.dot(&(self.big * pa))
+        let pa = product(p, a);
+        a.dot(&pa) - pa.dot(&product(&self.big, &pa))
     }
+}
+
+/// Smoothed nominals of all steps, in the order of the pass, without their covariances.
+#[must_use]
+pub fn means(tape: &Tape) -> Vec<Nominal> {
+    let mut lambda = Row::zeros();
+    let mut out: Vec<Nominal> = Vec::with_capacity(tape.steps.len());
+    for step in tape.steps.iter().rev() {
+        out.push(step.nominal.corrected(&-product(&step.p, &lambda)));
+        for z in tape.linear[step.measurements.clone()].iter().rev() {
+            lambda -= z.h * (lambda.dot(&z.gain) + z.residual / z.s);
+        }
+        if let Some(transition) = &step.transition {
+            lambda = transition.apply_transposed(&lambda);
+        }
+    }
+    out.reverse();
+    out
 }
 
 /// Covariance of the errors of two steps, from all data: rows step `early` of the pass (a later epoch), columns step
