@@ -70,6 +70,17 @@ pub enum Road {
     File(RoadLimits),
 }
 
+impl Road {
+    /// The limits; `None` for none.
+    fn limits(&self) -> Option<RoadLimits> {
+        match self {
+            Self::H1 => Some(RoadLimits::default()),
+            Self::None => None,
+            Self::File(limits) => Some(limits.clone()),
+        }
+    }
+}
+
 /// Options of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -116,6 +127,21 @@ impl Default for Options {
 }
 
 impl Options {
+    /// The Earth as far as place and heading are known.
+    fn earth(&self) -> Earth {
+        match (self.rest_pose, self.latitude_deg) {
+            (Some(pose), _) => Earth::at(
+                pose.latitude_deg.to_radians(),
+                pose.heading_deg.to_radians(),
+            ),
+            (None, Some(latitude_deg)) => Earth {
+                gravity: gravity(latitude_deg.to_radians()),
+                ..Earth::flat()
+            },
+            (None, None) => Earth::flat(),
+        }
+    }
+
     fn check(&self) -> Result<(), ReconstructError> {
         if !(self.confidence > 0.0 && self.confidence < 1.0) {
             return Err(ReconstructError::Option {
@@ -193,17 +219,7 @@ pub fn from_epochs(
 ) -> Result<Reconstruction, ReconstructError> {
     options.check()?;
     let (from, to) = window(epochs, options)?;
-    let earth = match (options.rest_pose, options.latitude_deg) {
-        (Some(pose), _) => Earth::at(
-            pose.latitude_deg.to_radians(),
-            pose.heading_deg.to_radians(),
-        ),
-        (None, Some(latitude_deg)) => Earth {
-            gravity: gravity(latitude_deg.to_radians()),
-            ..Earth::flat()
-        },
-        (None, None) => Earth::flat(),
-    };
+    let earth = options.earth();
     let rest = rest::find(epochs, earth.gravity);
     let start = if rest.found() {
         start::at_rest(epochs, &rest, &earth)
@@ -212,11 +228,7 @@ pub fn from_epochs(
     };
     let reversed = epochs.reversed();
     let motion = Motion::look(&reversed, &start, earth.gravity, facts.triggers);
-    let road = match &options.road {
-        Road::H1 => Some(RoadLimits::default()),
-        Road::None => None,
-        Road::File(limits) => Some(limits.clone()),
-    };
+    let road = options.road.limits();
     let setup = Setup {
         reversed,
         start: &start,
@@ -350,7 +362,13 @@ fn run_models(
                 Some(pass.snapshots)
             }
             Model::Refined => {
-                let refined = refined::run(setup, rest, &options.refined, options.smoother)?;
+                let refined = match refined::run(setup, rest, &options.refined, options.smoother) {
+                    Err(error) if asked != Model::Refined => {
+                        faults.push(format!("The refined model gives no answer: {error}."));
+                        continue;
+                    }
+                    refined => refined?,
+                };
                 if asked == Model::Refined {
                     wheels = refined.wheels;
                 }

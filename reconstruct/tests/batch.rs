@@ -19,7 +19,7 @@ use faer::linalg::solvers::{Solve, SolveLstsq};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector, SMatrix};
-use reconstruct::refined::states::{Cov, DIM, Row};
+use reconstruct::refined::states::{Cov, DIM, Row, SLIP};
 use reconstruct::refined::tape::Tape;
 use reconstruct::simulate::Class;
 use reconstruct::smooth::arrow::factor;
@@ -122,7 +122,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
         }
         let before = given;
         given += c;
-        for s in 9..29 {
+        for s in 9..SLIP {
             assert!(
                 step.transition
                     .is_none_or(|t| t.jump.iter().all(|v| *v <= 0.0) && !t.stands())
@@ -158,7 +158,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
                 }
                 for s in 0..DIM {
                     entries.push((column(i - 1, s), row[s]));
-                    if (9..29).contains(&s) {
+                    if (9..SLIP).contains(&s) {
                         b += row[s] * before[s];
                     }
                 }
@@ -172,7 +172,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
                     (0..=r).map(|s| (column(0, s), whiten[(r, s)])).collect();
                 // The constants are X itself before the first correction.
                 let b: f64 = (0..=r)
-                    .filter(|s| !(9..29).contains(s))
+                    .filter(|s| !(9..SLIP).contains(s))
                     .map(|s| whiten[(r, s)] * c[s])
                     .sum();
                 add(&entries, -b);
@@ -181,7 +181,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
         for (z, after) in measured {
             let w = 1.0 / z.r.sqrt();
             let entries: Vec<(usize, f64)> = (0..DIM).map(|s| (column(i, s), z.h[s] * w)).collect();
-            let known: f64 = (9..29).map(|s| z.h[s] * given[s]).sum();
+            let known: f64 = (9..SLIP).map(|s| z.h[s] * given[s]).sum();
             add(&entries, w * (z.residual - z.h.dot(&after) + known));
         }
     }

@@ -70,7 +70,7 @@ fn wheels(refined: &Refined, epochs: &Epochs, motion: &Motion, out: &mut Vec<Str
         .map_or(list.len(), |pulse| pulse.before);
     let cutoff = epochs.header.wheels.cutoff_mps;
     let mut locked: Vec<String> = Vec::new();
-    for side in 0..2 {
+    for (side, name) in SIDES.iter().enumerate() {
         let period = schema::num::real_u64(epochs.header.periods.wheels_ns[side]) * 1e-9;
         let period = if period > 0.0 { period } else { 0.02 };
         let (mut braked, mut rolling) = (0.0, 0.0);
@@ -92,15 +92,12 @@ fn wheels(refined: &Refined, epochs: &Epochs, motion: &Motion, out: &mut Vec<Str
         }
         if braked >= LOCKED_S {
             locked.push(format!(
-                "the {} wheel for {braked:.2} s, first at {from:.2} s",
-                SIDES[side]
+                "the {name} wheel for {braked:.2} s, first at {from:.2} s"
             ));
         }
         if rolling >= LOCKED_S {
             out.push(format!(
-                "The {} wheel's sensor read nothing for {rolling:.2} s while the car rolled: it was not believed there.",
-                SIDES[side]
-            ));
+                "The {name} wheel's sensor read nothing for {rolling:.2} s while the car rolled: it was not believed there."));
         }
         let offered = refined.passed.dead[1][side];
         let share = schema::num::real_u64(refined.passed.refused[side])
@@ -109,7 +106,7 @@ fn wheels(refined: &Refined, epochs: &Epochs, motion: &Motion, out: &mut Vec<Str
             out.push(format!(
                 "{:.0} % of the {} wheel's values disagree with the other sensors and were not believed.",
                 share * 100.0,
-                SIDES[side]
+                name
             ));
         }
     }

@@ -131,8 +131,8 @@ impl Inputs {
             let range =
                 range.unwrap_or_else(|| list[from..to].iter().map(largest).fold(0.0, f64::max));
             if axis < 3 {
-                for k in from..to {
-                    let share = list[k].clipped[axis];
+                for (k, epoch) in list.iter().enumerate().take(to).skip(from) {
+                    let share = epoch.clipped[axis];
                     self.accel[k][axis] += EXCESS_ACCEL[0] * range * share;
                     self.widen(
                         k,
@@ -199,7 +199,7 @@ fn runs(list: &[Epoch], join_s: f64, is: impl Fn(&Epoch) -> bool) -> Vec<(usize,
         }
         match out.last_mut() {
             Some(run) if epoch.t_s - epoch.dt - list[run.1 - 1].t_s <= join_s + 1e-9 => {
-                run.1 = k + 1
+                run.1 = k + 1;
             }
             _ => out.push((k, k + 1)),
         }

@@ -241,6 +241,8 @@ mod tests {
         }
     }
 
+    type Build<'a> = Box<dyn Fn(&Nominal) -> Scalar + 'a>;
+
     const RATE: [f64; 3] = [0.02, -0.05, 0.4];
     const ACCEL: [f64; 3] = [0.3, -0.6, -9.7];
 
@@ -258,7 +260,7 @@ mod tests {
         let left = WheelFrame { side: 0, ..frame };
         let earth = Earth::flat();
         let (rate, accel) = (Vector3::from(RATE), Vector3::from(ACCEL));
-        let builds: Vec<Box<dyn Fn(&Nominal) -> Scalar>> = vec![
+        let builds: Vec<Build> = vec![
             Box::new(|n| wheel(n, &n.rate(&rate, &earth).v, &geometry(), &frame)),
             Box::new(|n| wheel(n, &n.rate(&rate, &earth).v, &geometry(), &left)),
             Box::new(|n| side_slip(n, &n.rate(&rate, &earth).v, &geometry(), 2.0, 0.05)),

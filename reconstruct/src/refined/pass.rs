@@ -262,7 +262,7 @@ impl<'a> Runner<'a> {
             .motion
             .impacts
             .iter()
-            .any(|p| (p.first + p.last) / 2 == k)
+            .any(|p| usize::midpoint(p.first, p.last) == k)
         {
             let imu = &self.epochs.header.imu;
             transition =
