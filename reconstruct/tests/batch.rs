@@ -98,12 +98,12 @@ fn batch_meets_the_sweep_where_both_are_linear() {
     }
 }
 
-/// The rows in states: ten of each step and twenty global constants, weighted; `(row, column, value)` and right-hand side.
+/// The rows in states: ten of each step and the global constants, weighted; `(row, column, value)` and right-hand side.
 /// Of a tape without impact and stand.
 fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
     let n = tape.steps.len();
     let globals = n * LOCAL;
-    let local = |j: usize| if j < 9 { j } else { 29 };
+    let local = |j: usize| if j < 9 { j } else { SLIP };
     let (mut triplets, mut rhs) = (Vec::new(), Vec::new());
     let mut add = |entries: &[(usize, f64)], b: f64| {
         for (column, value) in entries.iter().filter(|e| e.1 != 0.0) {
@@ -131,7 +131,7 @@ fn sparse_rows(tape: &Tape) -> (Vec<(usize, usize, f64)>, Vec<f64>, usize) {
         }
         let column = |i: usize, s: usize| match s {
             0..9 => i * LOCAL + s,
-            29 => i * LOCAL + 9,
+            SLIP => i * LOCAL + 9,
             _ => globals + s - 9,
         };
         if let Some(transition) = &step.transition {

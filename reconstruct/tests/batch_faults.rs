@@ -58,7 +58,7 @@ fn both_smoothers_give_the_same_kind_of_answer() {
     }
     assert!(batch.batch.is_some() && sweep.batch.is_none());
     for (a, b) in [(&sweep.before, &batch.before), (&sweep.after, &batch.after)] {
-        for s in 0..30 {
+        for s in 0..reconstruct::refined::states::DIM {
             assert!((b.1[(s, s)] / a.1[(s, s)] - 1.0).abs() < 0.1, "{s}");
         }
     }

@@ -13,7 +13,7 @@ mod crash;
 
 use crash::{Crash, with};
 use nalgebra::{Matrix2, SMatrix, Vector2};
-use reconstruct::refined::states::{Cov, DIM, Nominal};
+use reconstruct::refined::states::{Cov, DIM, Nominal, SLIP};
 use reconstruct::refined::tape::{Source, Tape};
 use reconstruct::simulate::Class;
 use reconstruct::smooth::arrow::factor;
@@ -249,7 +249,7 @@ fn with_gains_kept(
             if !keep(None, 100) {
                 t.q = SMatrix::zeros();
             }
-            if !keep(None, 29) {
+            if !keep(None, SLIP) {
                 t.q_slip = 0.0;
             }
             if !keep(None, 9) {
@@ -330,12 +330,13 @@ fn budget_adds_up_and_meets_sources_turned_off() {
                 .sum()
         };
         // Sources, states of the prior (and jumps) off; 100 stands for the noise of the steps.
-        let cases: [(&[Cause], Option<Source>, std::ops::Range<usize>); 9] = [
+        let cases: [(&[Cause], Option<Source>, std::ops::Range<usize>); 10] = [
             (&[Cause::AccelBias], None, 9..12),
             (&[Cause::AccelScale], None, 12..15),
             (&[Cause::Mounting], None, 17..19),
             (&[Cause::GyroBias], None, 19..22),
             (&[Cause::WheelScale], None, 25..27),
+            (&[Cause::TrackWidth], None, 29..30),
             (
                 &[Cause::WheelNoise, Cause::Quantisation],
                 Some(Source::Wheel),

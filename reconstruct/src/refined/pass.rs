@@ -6,7 +6,7 @@ use super::inputs::Inputs;
 use super::measure::{self, Scalar, WheelFrame};
 use super::prior;
 use super::states::{Cov, Nominal, SLIP};
-use super::tape::{Linear, Source, Step, Tape};
+use super::tape::{Linear, Step, Tape};
 use super::transition::Transition;
 use super::tuning::Tuning;
 use crate::constraint::Geometry;
@@ -444,14 +444,5 @@ impl<'a> Runner<'a> {
             gain,
         });
         true
-    }
-}
-
-/// Sources that are measurements, for the account of the tape.
-impl Tape {
-    /// Number of measurements of one source.
-    #[must_use]
-    pub fn count(&self, source: Source) -> usize {
-        self.linear.iter().filter(|z| z.source == source).count()
     }
 }

@@ -77,3 +77,11 @@ pub struct Tape {
     /// Measurements in the order of the pass.
     pub linear: Vec<Linear>,
 }
+
+impl Tape {
+    /// Number of measurements of one source.
+    #[must_use]
+    pub fn count(&self, source: Source) -> usize {
+        self.linear.iter().filter(|z| z.source == source).count()
+    }
+}

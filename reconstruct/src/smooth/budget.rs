@@ -57,6 +57,8 @@ pub enum Cause {
     WheelScale,
     /// Delay of the wheels.
     WheelDelay,
+    /// Track width.
+    TrackWidth,
     /// Sideslip of the rear axle.
     SideSlip,
     /// The rear axle's vertical speed.
@@ -73,7 +75,7 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::AccelNoise,
         Self::AccelVibration,
         Self::AccelBias,
@@ -89,6 +91,7 @@ impl Cause {
         Self::Quantisation,
         Self::WheelScale,
         Self::WheelDelay,
+        Self::TrackWidth,
         Self::SideSlip,
         Self::NoJump,
         Self::RoadLimits,
@@ -116,6 +119,7 @@ impl Cause {
             Self::Quantisation => "quantisation",
             Self::WheelScale => "wheel scale",
             Self::WheelDelay => "wheel delay",
+            Self::TrackWidth => "track width",
             Self::SideSlip => "sideslip",
             Self::NoJump => "no jump",
             Self::RoadLimits => "road limits",
@@ -137,7 +141,8 @@ impl Cause {
             BG..SG => Self::GyroBias,
             SG..WHEEL_LEFT => Self::GyroScale,
             LATENCY => Self::WheelDelay,
-            WHEEL_LEFT..LATENCY | TRACK => Self::WheelScale,
+            TRACK => Self::TrackWidth,
+            WHEEL_LEFT..LATENCY => Self::WheelScale,
             _ => Self::SideSlip,
         }
     }
