@@ -99,7 +99,7 @@ fn wheels(refined: &Refined, epochs: &Epochs, motion: &Motion, out: &mut Vec<Str
             out.push(format!(
                 "The {name} wheel's sensor read nothing for {rolling:.2} s while the car rolled: it was not believed there."));
         }
-        let offered = refined.passed.dead[1][side];
+        let offered = refined.passed.offered[side];
         let share = schema::num::real_u64(refined.passed.refused[side])
             / schema::num::real_u64(offered.max(1));
         if offered > 100 && share > REFUSED_SHARE {

@@ -62,9 +62,8 @@ pub struct Passed {
     pub stands: Vec<Stand>,
     /// Refusals by innovation, left and right.
     pub refused: [u64; 2],
-    /// Frames that read nothing although the car moved at more than twice the cut-off, left and right, and such as
-    /// were offered at that speed.
-    pub dead: [[u64; 2]; 2],
+    /// Values of a moving car that the physics let through, left and right.
+    pub offered: [u64; 2],
 }
 
 struct Runner<'a> {
@@ -77,7 +76,7 @@ struct Runner<'a> {
     linear: Vec<Linear>,
     wheels: WheelUse,
     refused: [u64; 2],
-    dead: [[u64; 2]; 2],
+    offered: [u64; 2],
     refused_in_row: [u32; 2],
     since_slip_s: f64,
     since_road_m: f64,
@@ -151,7 +150,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         inputs: runner.inputs,
         stands: accepted,
         refused: runner.refused,
-        dead: runner.dead,
+        offered: runner.offered,
     })
 }
 
@@ -180,7 +179,7 @@ impl<'a> Runner<'a> {
             linear: Vec::new(),
             wheels: WheelUse::default(),
             refused: [0; 2],
-            dead: [[0; 2]; 2],
+            offered: [0; 2],
             refused_in_row: [0; 2],
             since_slip_s: 0.0,
             since_road_m: 0.0,
@@ -290,7 +289,7 @@ impl<'a> Runner<'a> {
             && speed > 1.0
             && !motion.wheels_bad[k]
         {
-            self.measure_slip(k, epoch, speed);
+            self.measure_slip(k, speed);
             self.since_slip_s = 0.0;
         }
         if let Some(road) = self.given.setup.road
@@ -319,10 +318,9 @@ impl<'a> Runner<'a> {
                 self.wheels.refused_physics += 1;
                 continue;
             }
-            self.dead[1][side] += u64::from(moving);
+            self.offered[side] += u64::from(moving);
             // Zero below the cut-off is one-sided: the car was slower than that, which the state knows.
             if speed < cutoff {
-                self.dead[0][side] += u64::from(moving);
                 self.wheels.below_cutoff += 1;
                 continue;
             }
@@ -371,7 +369,7 @@ impl<'a> Runner<'a> {
         used
     }
 
-    fn measure_slip(&mut self, k: usize, _epoch: &Epoch, speed: f64) {
+    fn measure_slip(&mut self, k: usize, speed: f64) {
         let tuning = self.given.tuning;
         let rate = self
             .nominal

@@ -31,8 +31,6 @@ pub enum Source {
     Jump,
     /// Road limits.
     Road,
-    /// The end of a record without rest.
-    Moving,
 }
 
 /// One scalar measurement as the filter used it.
@@ -76,12 +74,4 @@ pub struct Tape {
     pub steps: Vec<Step>,
     /// Measurements in the order of the pass.
     pub linear: Vec<Linear>,
-}
-
-impl Tape {
-    /// Number of measurements of one source.
-    #[must_use]
-    pub fn count(&self, source: Source) -> usize {
-        self.linear.iter().filter(|z| z.source == source).count()
-    }
 }

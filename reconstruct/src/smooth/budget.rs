@@ -353,7 +353,6 @@ fn measured(account: &mut Account, ground: &Ground<'_>, row: &Measured, variance
         Source::SideSlip => Cause::SideSlip,
         Source::Jump => Cause::NoJump,
         Source::Road => Cause::RoadLimits,
-        Source::Moving => Cause::Start,
         Source::Wheel => {
             let header = &ground.given.setup.reversed.forward().header;
             let share = (header.wheel_scale.step.powi(2) / 12.0 / row.r).min(1.0);
