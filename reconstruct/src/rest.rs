@@ -172,7 +172,15 @@ pub fn stands(epochs: &Epochs, gravity: f64, end: usize) -> Vec<Stand> {
         };
         let window = &list[start..window_end];
         let heard = window.iter().any(|e| e.wheels.iter().any(Option::is_some));
-        if !heard || quiet(epochs, window, gravity).is_err() {
+        // A car that rolls to its stop is quiet too. Its wheels show it, also below the speed from which they are
+        // right: a reading of more than one step is no stand.
+        let step = epochs.header.wheel_scale.step;
+        let rolls = window
+            .iter()
+            .flat_map(|e| e.wheels)
+            .flatten()
+            .any(|speed| speed > 1.01 * step);
+        if !heard || rolls || quiet(epochs, window, gravity).is_err() {
             continue;
         }
         match quiet_runs.last_mut() {

@@ -28,7 +28,7 @@ const LEVEL_SD: f64 = 0.001;
 /// In-run drift of a gyro bias within a minute, as a share of its turn-on bias.
 const RATE_BIAS_DRIFT: f64 = 0.02;
 /// Speed below which a car that looks still may be standing, beside the state's own spread, m/s.
-const STAND_SPEED: f64 = 0.3;
+const STAND_SPEED: f64 = 0.05;
 /// Springs of a standing car, rad a second.
 const STAND_ANGLE_SD: f64 = 2e-4;
 /// A wheel that goes on after an impact may be bent or drag: share of its speed.
