@@ -32,9 +32,9 @@ pub enum Model {
     DeadReckoning,
     /// The nine states of S03 in vehicle axes [S03, 3.10], signs corrected.
     Published,
-    /// Nine states in navigation axes with full coupling and considered biases: the default.
+    /// Nine states in navigation axes with full coupling and considered biases.
     NineState,
-    /// Nine states and the calibration beside them, smoothed.
+    /// Nine states and the calibration beside them, smoothed: the default.
     Refined,
 }
 
@@ -111,7 +111,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            model: Model::NineState,
+            model: Model::Refined,
             road: Road::H1,
             rest_pose: None,
             latitude_deg: None,

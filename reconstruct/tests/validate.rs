@@ -152,7 +152,8 @@ fn a_folder_is_scored_and_what_cannot_be_used_is_listed() {
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     let value: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let windows = value["recordings"].as_array().unwrap();
-    assert_eq!(windows.len(), 1, "{windows:?}");
+    let models: Vec<_> = windows.iter().map(|w| &w["model"]).collect();
+    assert_eq!(models, ["refined", "nine-state"], "{windows:?}");
     let good = &windows[0];
     assert_eq!(
         (&good["name"], &good["rest_found"]),
@@ -234,8 +235,14 @@ fn mutated_sidecars_and_truths_are_survived() {
         stderr(&output)
     );
     let value: Value = serde_json::from_str(&stdout(&output)).unwrap();
-    let count = |key: &str| value[key].as_array().unwrap().len();
-    assert_eq!(count("recordings") + count("unused"), 12);
+    // By two models each; what is used or not is named.
+    let named: std::collections::BTreeSet<_> = ["recordings", "unused"]
+        .iter()
+        .flat_map(|key| value[key].as_array().unwrap())
+        .map(|entry| entry["name"].as_str().unwrap())
+        .map(|name| name.split(" by ").next().unwrap())
+        .collect();
+    assert_eq!(named.len(), 12, "{named:?}");
 }
 
 /// The recordings of others, if they and the recorder are here.
@@ -262,16 +269,28 @@ fn real_recordings() {
         program.to_str().unwrap(),
     ]);
     let windows = value["recordings"].as_array().unwrap();
-    assert_eq!(windows.len(), 8, "{:?}", value["unused"]);
+    assert_eq!(windows.len(), 16, "{:?}", value["unused"]);
+    let mut refined = Vec::new();
     for window in windows {
-        let name = window["name"].as_str().unwrap();
-        if name.starts_with("wid") {
-            assert!(
-                window["start_percent_of_distance"].as_f64().unwrap() <= 1.0,
-                "{window}"
-            );
-            let inside = window["coverage"][2]["share"]["value"].as_f64().unwrap();
-            assert!(inside >= 0.85, "{name}: {inside}");
+        let (name, model) = (&window["name"], &window["model"]);
+        let off = window["start_percent_of_distance"].as_f64();
+        if window["coverage"].is_null() {
+            assert_eq!(name, "nhtsa10146", "{window}");
+            continue;
+        }
+        let inside = window["coverage"][2]["share"]["value"].as_f64().unwrap();
+        eprintln!("{name} {model}: {off:?} % off, {inside:.3} of the fixes inside");
+        if name.as_str().unwrap().starts_with("wid") {
+            let off = off.unwrap();
+            assert!(off <= 1.0, "{window}");
+            assert!(inside >= 0.85, "{name} {model}: {inside}");
+            if model == "refined" {
+                refined.push(off);
+            }
         }
     }
+    refined.sort_by(f64::total_cmp);
+    assert_eq!(refined.len(), 4);
+    let median = f64::midpoint(refined[1], refined[2]);
+    assert!(median <= 0.5, "{median} % of the distance");
 }

@@ -49,7 +49,7 @@ pub(crate) struct Args {
     #[arg(long = "sheet", value_name = "FILE")]
     sheets: Vec<PathBuf>,
     /// Model whose covariance is read
-    #[arg(long, default_value = "nine-state", value_name = "MODEL", value_parser = run::model)]
+    #[arg(long, default_value = "refined", value_name = "MODEL", value_parser = run::model)]
     model: Model,
     /// Road limits: h1, none, or a JSON file of limits
     #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]

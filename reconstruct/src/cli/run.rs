@@ -30,7 +30,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Model of the trajectory: refined, nine-state, published or dead-reckoning
-    #[arg(long, default_value = "nine-state", value_name = "MODEL", value_parser = model)]
+    #[arg(long, default_value = "refined", value_name = "MODEL", value_parser = model)]
     model: Model,
     /// Road limits: h1, none, or a JSON file of limits
     #[arg(long, default_value = "h1", value_name = "h1|none|FILE")]

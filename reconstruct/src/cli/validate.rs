@@ -30,7 +30,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "70001..70170", value_name = "FIRST..LAST", value_parser = seeds)]
     seeds: Seeds,
     /// Model to validate; may be given several times
-    #[arg(long = "model", default_value = "nine-state", value_name = "MODEL", value_parser = run::model)]
+    #[arg(long = "model", default_values = ["refined", "nine-state"], value_name = "MODEL", value_parser = run::model)]
     models: Vec<Model>,
     /// Threads; as many as the machine has cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -94,7 +94,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            model: Model::NineState,
+            model: Model::Refined,
             road: Road::H1,
             wheels: true,
             confidence: 0.95,

@@ -3,10 +3,12 @@
 //! A run gives the covariance of each instant alone. But the errors of the path are drift: heading and scale
 //! that are wrong stay wrong, so neighbouring points err alike, and taking them for independent would be
 //! falsely sure. Here the error grows along the path by a share of each step, along it (scale) and across it
-//! (direction); a fifth of the variance of that share is constant and the rest fades over 40 m. The
-//! correlations are those of this model; the covariance of each point is the run's own. On 120 simulated crashes
-//! (seeds 1-20, nine-state) the squared errors across the path, 1 m of road error added, are 0.61 of what the joint
-//! covariance says, those of the best-fitting turn 0.36, of the bend between half way and the start 0.30: safe sides.
+//! (direction). A fifth of the variance of the scale's share is constant and the rest fades over 40 m. Directions err
+//! alike by the root of the ratio of their sds: what is wrong at the impact (a bias that jumped, a spin) stays wrong to
+//! the start, and a random walk of the heading, whose errors go by the ratio itself, is the loosest the filters leave.
+//! The correlations are those of this model; the covariance of each point is the run's own. On 120 simulated crashes
+//! (seeds 1-20, refined) headings fitted on maps are within their 95 % bounds in 92 %, places in 98 %; where directions
+//! faded like the scale, headings at rest were in 89 % of another 66.
 
 use nalgebra::{DMatrix, Matrix2, Vector2};
 use schema::num;
@@ -20,7 +22,7 @@ const SPACING_M: f64 = 20.0;
 const MAX_POINTS: usize = 64;
 /// A shorter path has no shape, m.
 pub const SHORTEST_M: f64 = 40.0;
-/// Share of the variance of scale and direction that is constant.
+/// Share of the variance of scale that is constant.
 const CONSTANT: f64 = 0.2;
 /// Distance over which the rest of it fades to 1/e, m.
 const FADE_M: f64 = 40.0;
@@ -152,7 +154,11 @@ fn joint(chosen: &[&State], points: &[Vector2<f64>]) -> DMatrix<f64> {
     }
     let kernel = |a: usize, b: usize| {
         let apart = (reach[a] - reach[b]).abs();
-        CONSTANT + (1.0 - CONSTANT) * (-apart / FADE_M).exp()
+        let fading = CONSTANT + (1.0 - CONSTANT) * (-apart / FADE_M).exp();
+        // Step j is that of point j + 1.
+        let (x, y) = (chosen[a + 1].sd_heading, chosen[b + 1].sd_heading);
+        let (low, high) = (x.min(y).max(1e-9), x.max(y).max(1e-9));
+        Matrix2::from_diagonal(&Vector2::new(fading, (low / high).sqrt()))
     };
     let first = own(chosen[0]);
     let mut model = DMatrix::<f64>::zeros(2 * n, 2 * n);
@@ -160,7 +166,7 @@ fn joint(chosen: &[&State], points: &[Vector2<f64>]) -> DMatrix<f64> {
     for j in 0..n {
         if j > 0 {
             for (a, sum) in by_step.iter_mut().enumerate().take(n - 1) {
-                *sum += steps[j - 1].transpose() * kernel(a, j - 1);
+                *sum += kernel(a, j - 1) * steps[j - 1].transpose();
             }
         }
         let mut sum = first;
