@@ -26,6 +26,13 @@ use std::process::ExitCode;
 
 use bench::{Lane, Test};
 
+/// Tests that a machine which is held up from outside can fail: no meter inside sees all of that. They must hold when
+/// tried again.
+const TIMED: [&str; 2] = [
+    "a_full_bus_for_a_minute_loses_no_mapped_frame",
+    "daemons_that_are_killed_lose_at_most_the_bound_and_seal_every_event_once",
+];
+
 fn main() -> ExitCode {
     let mut lane = Lane::default();
     let (mut own_clock, mut only_own_clock) = (false, false);
@@ -56,13 +63,34 @@ fn main() -> ExitCode {
         if !wanted || (sets_clock && !own_clock) || (only_own_clock && !sets_clock) {
             continue;
         }
-        lane.begin(name);
-        let result = catch_unwind(AssertUnwindSafe(|| test(&lane)));
-        bench::restore();
-        lane.end();
+        let mut once = || {
+            lane.begin(name);
+            let result = catch_unwind(AssertUnwindSafe(|| test(&lane)));
+            bench::restore();
+            lane.end();
+            result.map_err(|what| first_line(what.as_ref()).to_owned())
+        };
+        let mut result = once();
+        if let Err(why) = &result
+            && TIMED.contains(&name)
+        {
+            println!("{name} failed: {why}; it hangs on the machine's time and is tried once more");
+            result = once();
+        }
         failed |= result.is_err();
+        if let Err(why) = &result {
+            println!("reason {name}: {why}");
+        }
         let verdict = if result.is_ok() { "ok" } else { "FAILED" };
         println!("test {name} ... {verdict}");
     }
     ExitCode::from(u8::from(failed))
+}
+
+/// What a panic said, for the summary.
+fn first_line(what: &(dyn std::any::Any + Send)) -> &str {
+    let text = what.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| what.downcast_ref::<&str>().copied());
+    let line = text.and_then(|text| text.lines().find(|line| !line.is_empty()));
+    line.unwrap_or("no word")
 }
