@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 
 use super::states::{
-    BA, BG, CORIOLIS, LATENCY, MOUNT_PITCH, MOUNT_YAW, Nominal, Row, SG, SLIP, SLIP_GRADIENT,
+    BA, BG, CORIOLIS, LATENCY, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, Row, SG, SLIP, SLIP_GRADIENT,
     TRACK, WHEEL_LEFT, WHEEL_RIGHT,
 };
 use super::tape::Source;
@@ -111,17 +111,18 @@ pub fn side_slip(
     let (vy, h9) = velocity_along(&nominal.nav, 1);
     let (vx, _) = velocity_along(&nominal.nav, 0);
     let imu = &geometry.imu;
+    let ahead = imu.x + nominal.value(LEVER);
     let mut h = widen(&h9);
-    by_rate(&mut h, rate, &Vector3::new(imu.z, 0.0, -imu.x), 1.0);
+    by_rate(&mut h, rate, &Vector3::new(imu.z, 0.0, -ahead), 1.0);
     h[SLIP] = vx;
     h[SLIP_GRADIENT] = -vx * lateral;
-    let lever = rate.z * geometry.imu_sd.x;
+    h[LEVER] = rate.z;
     let angle = nominal.value(SLIP) - nominal.value(SLIP_GRADIENT) * lateral;
     Scalar {
         source: Source::SideSlip,
-        residual: vy - rate.z * imu.x + rate.x * imu.z - vx * angle,
+        residual: vy - rate.z * ahead + rate.x * imu.z - vx * angle,
         h,
-        r: sd * sd + lever * lever,
+        r: sd * sd,
     }
 }
 
@@ -130,14 +131,15 @@ pub fn side_slip(
 pub fn no_jump(nominal: &Nominal, rate: &Vector3<f64>, geometry: &Geometry, sd: f64) -> Scalar {
     let (vz, h9) = velocity_along(&nominal.nav, 2);
     let imu = &geometry.imu;
+    let ahead = imu.x + nominal.value(LEVER);
     let mut h = widen(&h9);
-    by_rate(&mut h, rate, &Vector3::new(-imu.y, imu.x, 0.0), 1.0);
-    let lever = rate.y * geometry.imu_sd.x;
+    by_rate(&mut h, rate, &Vector3::new(-imu.y, ahead, 0.0), 1.0);
+    h[LEVER] = -rate.y;
     Scalar {
         source: Source::Jump,
-        residual: vz - rate.x * imu.y + rate.y * imu.x,
+        residual: vz - rate.x * imu.y + rate.y * ahead,
         h,
-        r: sd * sd + lever * lever,
+        r: sd * sd,
     }
 }
 

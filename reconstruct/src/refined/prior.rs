@@ -4,9 +4,10 @@ use nalgebra::Vector3;
 
 use super::pass::{Given, REST_SPEED_SD};
 use super::states::{
-    BA, BG, CORIOLIS, Cov, LATENCY, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, SA, SG, SLIP,
+    BA, BG, CORIOLIS, Cov, LATENCY, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, SA, SG, SLIP,
     SLIP_GRADIENT, TRACK, WHEEL_LEFT, WHEEL_RIGHT,
 };
+use crate::constraint::Geometry;
 use crate::error_model::{ATT, POS, STATES, VEL};
 use crate::mechanize::EARTH_RATE;
 
@@ -67,6 +68,8 @@ pub(super) fn covariance(given: &Given<'_>) -> Cov {
     set(SLIP_GRADIENT, given.tuning.slip_gradient[1]);
     set(SLIP, given.tuning.slip_sd);
     set(TRACK, given.tuning.track_sd);
+    let geometry = Geometry::new(&epochs.header.vehicle);
+    set(LEVER, geometry.imu_sd.x.max(1e-6));
     if given.rest.found() {
         for axis in 0..3 {
             set(POS + axis, REST_PLACE_SD);

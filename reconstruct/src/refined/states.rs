@@ -4,8 +4,8 @@
 //! truth minus the value applied, so that a correction is *added* to it. The 23 of the design are all here; the rest
 //! earned its place by the coverage of the bounds: gyro scales of all axes (a roll-over turns about x), Coriolis where
 //! latitude and heading are not known, the delay of the wheels, and the rear axle's sideslip as a gradient and a
-//! correlated rest (as white noise of the same size it counts one fact several times), and the track width (a tape measure
-//! and a rolling tyre do not agree to a percent; a wrong entry shows here).
+//! correlated rest (as white noise of the same size it counts one fact several times), the track width (a tape measure
+//! and a rolling tyre do not agree to a percent; a wrong entry shows here), and the IMU's place along the car.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -15,7 +15,7 @@ use crate::frame::{Body, Vec3, exp_so3};
 use crate::mechanize::{Earth, Nav9};
 
 /// All states.
-pub const DIM: usize = 31;
+pub const DIM: usize = 32;
 /// Calibration states.
 pub const PARAMS: usize = DIM - STATES;
 
@@ -44,9 +44,12 @@ pub const LATENCY: usize = 27;
 pub const SLIP_GRADIENT: usize = 28;
 /// Track width: true over configured, less one.
 pub const TRACK: usize = 29;
+/// How much farther ahead of the rear axle the IMU sits than it is said to, m: in a turn that is a sideways speed, and
+/// the same in every turn.
+pub const LEVER: usize = 30;
 /// Sideslip of the rear axle beside that, rad: a Gauss-Markov process, and the last state: those before it from
 /// [`BA`] on are constant but for the jump of the biases.
-pub const SLIP: usize = 30;
+pub const SLIP: usize = 31;
 
 /// Covariance of all states.
 pub type Cov = SMatrix<f64, DIM, DIM>;

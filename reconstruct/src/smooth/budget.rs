@@ -19,7 +19,7 @@ use crate::error::ReconstructError;
 use crate::error_model::STATES;
 use crate::mechanize::backward;
 use crate::refined::states::{
-    BA, BG, CORIOLIS, DIM, LATENCY, MOUNT_YAW, Nominal, Row, SA, SG, TRACK, WHEEL_LEFT,
+    BA, BG, CORIOLIS, DIM, LATENCY, LEVER, MOUNT_YAW, Nominal, Row, SA, SG, TRACK, WHEEL_LEFT,
 };
 use crate::refined::tape::Source;
 use crate::refined::transition::{Density, Transition};
@@ -59,6 +59,8 @@ pub enum Cause {
     WheelDelay,
     /// Track width.
     TrackWidth,
+    /// Place of the IMU in the car.
+    ImuPlace,
     /// Sideslip of the rear axle.
     SideSlip,
     /// The rear axle's vertical speed.
@@ -75,7 +77,7 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::AccelNoise,
         Self::AccelVibration,
         Self::AccelBias,
@@ -92,6 +94,7 @@ impl Cause {
         Self::WheelScale,
         Self::WheelDelay,
         Self::TrackWidth,
+        Self::ImuPlace,
         Self::SideSlip,
         Self::NoJump,
         Self::RoadLimits,
@@ -120,6 +123,7 @@ impl Cause {
             Self::WheelScale => "wheel scale",
             Self::WheelDelay => "wheel delay",
             Self::TrackWidth => "track width",
+            Self::ImuPlace => "place of the IMU",
             Self::SideSlip => "sideslip",
             Self::NoJump => "no jump",
             Self::RoadLimits => "road limits",
@@ -142,6 +146,7 @@ impl Cause {
             SG..WHEEL_LEFT => Self::GyroScale,
             LATENCY => Self::WheelDelay,
             TRACK => Self::TrackWidth,
+            LEVER => Self::ImuPlace,
             WHEEL_LEFT..LATENCY => Self::WheelScale,
             _ => Self::SideSlip,
         }
