@@ -6,8 +6,8 @@
 use nalgebra::Vector3;
 
 use super::states::{
-    BA, BG, CORIOLIS, LATENCY, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, Row, SG, SLIP, SLIP_GRADIENT,
-    TRACK, WHEEL_LEFT, WHEEL_RIGHT,
+    BA, BG, CORIOLIS, LATENCY, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, Row, SG, SLIP,
+    SLIP_GRADIENT, TRACK, WHEEL_LEFT, WHEEL_RIGHT,
 };
 use super::tape::Source;
 use super::transition::velocity_drive;

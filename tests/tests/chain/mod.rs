@@ -27,6 +27,11 @@ pub(crate) struct Case {
 impl Case {
     /// Simulates, replays, seals, reads, reconstructs: consumer sensors, default options.
     pub(crate) fn run(class: Class, seed: u64) -> Self {
+        Self::run_by(class, seed, &Options::default())
+    }
+
+    /// The same with these options.
+    pub(crate) fn run_by(class: Class, seed: u64, options: &Options) -> Self {
         let simulated = simulate(&Scenario::draw(class, seed)).unwrap();
         let dir = std::env::temp_dir().join(format!(
             "svartboks-truth-{}-{class}-{seed}",
@@ -46,7 +51,7 @@ impl Case {
         std::fs::remove_dir_all(&dir).unwrap();
         assert!(!records.is_empty(), "{class} {seed}: no record");
         let (record, _) = Record::read(&records[0].to_bytes().unwrap()).unwrap();
-        let result = reconstruct(&record, &Options::default()).unwrap();
+        let result = reconstruct(&record, options).unwrap();
         Self {
             simulated,
             record,
