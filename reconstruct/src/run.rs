@@ -106,6 +106,8 @@ pub struct Options {
     pub refined: refined::Tuning,
     /// Smoother of the refined model.
     pub smoother: Smoother,
+    /// Run no other model beside the one asked for: for sets of many crashes.
+    pub alone: bool,
 }
 
 impl Default for Options {
@@ -122,6 +124,7 @@ impl Default for Options {
             tuning: Tuning::default(),
             refined: refined::Tuning::default(),
             smoother: Smoother::default(),
+            alone: false,
         }
     }
 }
@@ -344,6 +347,9 @@ fn run_models(
     let mut faults = Vec::new();
     let asked = options.model;
     for model in Model::ALL {
+        if options.alone && model != asked {
+            continue;
+        }
         let mut motion = None;
         let mut joint = Vec::new();
         let snapshots = match model {

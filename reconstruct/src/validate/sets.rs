@@ -42,6 +42,7 @@ pub fn told(scenario: &Scenario, header: &mut Header, options: &mut Options) {
     header.imu.rate_vibration = errors.rate_vibration.max(1e-8);
     header.wheels.noise_mps = errors.wheel_noise.max(1e-6);
     options.model = Model::Refined;
+    options.alone = true;
     options.refined.wheel_floor_mps = 0.0;
     options.refined.slip_sd = slip.sd.max(1e-6);
     // The simulator states when the correlation falls to 1/e; of its law the integral is 0.92 of that.
@@ -158,7 +159,11 @@ pub fn case(class: Class, seed: u64, plan: &Plan<'_>) -> Case {
         .iter()
         .map(|model| {
             let prepared = prepared.as_ref().map_err(Clone::clone)?;
-            prepared.score(&prepared.run(&options(*model))?)
+            let alone = Options {
+                alone: true,
+                ..options(*model)
+            };
+            prepared.score(&prepared.run(&alone)?)
         })
         .collect();
     let ideal_axis_m = plan.ideal.and_then(|change| {
