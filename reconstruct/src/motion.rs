@@ -6,6 +6,8 @@
     reason = "the index is an epoch or a row of several arrays at once"
 )]
 
+mod edges;
+
 use nalgebra::Vector3;
 use schema::num::real;
 use schema::parts::{Trigger, TriggerKind};
@@ -28,6 +30,8 @@ const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
 /// falls to it within [`TAIL_S`], s.
 const LEVEL_S: [f64; 2] = [0.05, 0.12];
 const TAIL_S: f64 = 0.03;
+/// Least noise of a bin's acceleration beside a pulse, m/s^2.
+const LEAST_NOISE: f64 = 0.1;
 /// A pulse that gives back more than this ends where it was largest, m/s.
 const SWING_BACK: f64 = 0.1;
 /// Quiet time that separates two pulses, s.
@@ -210,25 +214,12 @@ impl Motion {
             k -= 1;
         }
         let dt = list[k].dt;
-        let size =
-            [k, k + 1, k + 2].map(|i| (self.accel[i.min(list.len() - 1)] - base).xy().norm());
-        let onset_s = ramp(list[k].t_s - dt, dt, size);
-        let before = k.saturating_sub(1);
-        let (last, level) = self.tail(epochs, last, clear);
-        let (last, level, end_s) = match self.parting(epochs, k, last) {
-            Some(parting) => (parting, Vector3::zeros(), list[parting].t_s),
-            // The same ramp seen from behind: bins counted down from the last.
-            None => (
-                last,
-                level,
-                ramp(
-                    list[last].t_s,
-                    -dt,
-                    [last, last.saturating_sub(1), last.saturating_sub(2)]
-                        .map(|i| (self.accel[i] - level).xy().norm()),
-                ),
-            ),
-        };
+        let noise = spread.max(LEAST_NOISE);
+        let [onset_s, onset_sd_s] =
+            edges::onset(self, epochs, k, &base, noise).unwrap_or([list[k].t_s - dt, 0.35 * dt]);
+        let before = list[..=k].partition_point(|e| e.t_s <= onset_s + 1e-9);
+        let before = before.clamp(1, k.max(1)) - 1;
+        let (last, level, end_s, end_sd_s) = self.end(epochs, [first, k], last, clear, noise);
         // A gap that ends in the pulse, or lies just before it, hides the onset.
         let near_gap = list[k.saturating_sub(2)..(k + 2).min(list.len())]
             .iter()
@@ -236,7 +227,7 @@ impl Motion {
         let (before, onset_s, onset_sd_s) = if near_gap {
             hidden_onset(epochs, k)
         } else {
-            (before, onset_s, 0.35 * dt)
+            (before, onset_s, onset_sd_s)
         };
         Pulse {
             first,
@@ -245,9 +236,42 @@ impl Motion {
             onset_sd_s,
             before,
             end_s,
-            end_sd_s: 0.5 * dt,
+            end_sd_s,
             base,
             level,
+        }
+    }
+
+    /// Last epoch, level after it, end and its spread, of a pulse whose first bin clear of its level is `from` and whose
+    /// first and last above the threshold are `first` and `last`.
+    fn end(
+        &self,
+        epochs: &Epochs,
+        [first, from]: [usize; 2],
+        last: usize,
+        clear: f64,
+        noise: f64,
+    ) -> (usize, Vector3<f64>, f64, f64) {
+        let list = &epochs.list;
+        let found = edges::end(self, epochs, [from, last], clear, noise);
+        let (last, level) = match found {
+            Some(end) => {
+                let last = list.partition_point(|e| e.t_s < end.t_s - 1e-9);
+                let last = last.clamp(first, list.len() - 1);
+                let after = &self.accel[(last + 1).min(list.len() - 1)..(last + 4).min(list.len())];
+                let level = after.iter().sum::<Vector3<f64>>() / real(after.len().max(1));
+                (last, level)
+            }
+            None => self.tail(epochs, last, clear),
+        };
+        let dt = list[last].dt;
+        if let Some(parting) = self.parting(epochs, from, last) {
+            return (parting, Vector3::zeros(), list[parting].t_s, 0.5 * dt);
+        }
+        match found {
+            Some(end) => (last, level, end.t_s, end.sd_s),
+            // The acceleration comes to no level.
+            None => (last, level, list[last].t_s, 0.5 * dt),
         }
     }
 
@@ -341,25 +365,6 @@ fn hidden_onset(epochs: &Epochs, k: usize) -> (usize, f64, f64) {
         f64::midpoint(begin, stop),
         (stop - begin) / 12.0_f64.sqrt(),
     )
-}
-
-/// Start of a ramp that begins within a bin: the bin's near edge `edge`, its length `dt` (negative: looking
-/// backwards in time) and how far the means of this bin and the next two depart from the level.
-///
-/// The next two together, because above 20 m/s^2 a stored sample is rounded to several m/s^2 and what it leaves
-/// is carried into the next: their sum is three times as exact as either.
-fn ramp(edge: f64, dt: f64, size: [f64; 3]) -> f64 {
-    // A ramp of slope s that starts at fraction u of this bin has a mean of s dt (1-u)^2 / 2 in it and the sum
-    // s dt (4 - 2u) in the next two; their ratio gives u:
-    // (1-u)^2 = 2 ratio (4 - 2u)  =>  u^2 - 2 p u + (1 - 8 ratio) = 0 with p = 1 - 2 ratio.
-    let rest = size[1] + size[2];
-    let ratio = if rest > 0.0 { size[0] / rest } else { 1.0 };
-    if ratio >= 0.125 {
-        return edge;
-    }
-    let p = 1.0 - 2.0 * ratio;
-    let root = (p * p - (1.0 - 8.0 * ratio)).max(0.0).sqrt();
-    edge + (p - root).clamp(0.0, 1.0) * dt
 }
 
 /// Mean over a window centred on each epoch, body axes.

@@ -19,6 +19,9 @@ use crate::motion::Pulse;
 const PULSE_FLOOR: f64 = 8.0;
 /// Epochs before the onset whose mean is the rate there.
 const RATE_EPOCHS: usize = 5;
+/// Epochs behind the end that tell the rate there: above 50 deg/s a stored rate is rounded to 9 deg/s, and only sums
+/// over many are exact.
+const RATE_AFTER: usize = 10;
 
 /// What a smoother knows of one pulse: the joint covariance, 18 x 18, of the nine errors at the end of epoch
 /// `pulse.before` and of those at the end of epoch `pulse.last`, in this order; position, velocity and platform
@@ -36,6 +39,32 @@ pub(crate) fn rate_at(evidence: &Evidence<'_>, k: usize) -> Vector3<f64> {
         Some(next) => (rate[k] + next) * 0.5,
         None => rate[k],
     }
+}
+
+/// Rate at the end of a pulse: a line through the bins behind it, drawn back. The last bins of the pulse itself still
+/// spin the car up.
+fn rate_after(evidence: &Evidence<'_>, pulse: &Pulse, last: usize) -> Vector3<f64> {
+    let rate = &evidence.motion.rate;
+    let list = &evidence.epochs.list;
+    let (from, to) = (last + 1, (last + 1 + RATE_AFTER).min(rate.len()));
+    let next = evidence
+        .motion
+        .impacts
+        .iter()
+        .any(|p| (from..to).contains(&p.first));
+    if from + RATE_AFTER > to || next {
+        return rate_at(evidence, last);
+    }
+    let n = schema::num::real(to - from);
+    let middle = |k: usize| list[k].t_s - 0.5 * list[k].dt;
+    let at = (from..to).map(middle).sum::<f64>() / n;
+    let mean = rate[from..to].iter().sum::<Vector3<f64>>() / n;
+    let (mut slope, mut square) = (Vector3::zeros(), 0.0);
+    for k in from..to {
+        slope += rate[k] * (middle(k) - at);
+        square += (middle(k) - at).powi(2);
+    }
+    mean + slope * ((pulse.end_s - at) / square)
 }
 
 fn rate_before(evidence: &Evidence<'_>, k: usize) -> Vector3<f64> {
@@ -128,7 +157,7 @@ pub fn delta_v(evidence: &Evidence<'_>, pulse: &Pulse, joint: Option<&JointPulse
     let start = onset(evidence, pulse);
     let end = Moment {
         nav: &snapshots[last].nav,
-        rate: rate_at(evidence, last),
+        rate: rate_after(evidence, pulse, last),
         step: pulse.level * -over,
     };
     let change = Change::between(&start, &end, &arm.at);

@@ -1,0 +1,246 @@
+//! Begin and end of a pulse, finer than the 10 ms means show them.
+//!
+//! An edge is where a rise, drawn back, leaves the level beside the pulse. How steeply a pulse leaves it is not known:
+//! `size ~ (t - t0)^n` with `n` from 1 (half-sine) to 2 (haversine). The mean over each bin of such a rise is compared
+//! with the bins about the edge; the answer is the mean of `t0` over all of them, weighed by how well they fit, and its
+//! spread is the doubt.
+
+use nalgebra::{Matrix3, Vector3};
+use schema::num::real;
+
+use super::Motion;
+use crate::epochs::Epochs;
+use crate::frame::exp_so3;
+
+/// Exponents of a rise.
+const EXPONENTS: [f64; 3] = [1.0, 1.5, 2.0];
+const END_EXPONENTS: [f64; 1] = [1.0];
+/// A rise follows no power exactly (ripple of the structure): share of a bin's size, one sigma.
+const SHAPE_SD: f64 = 0.10;
+/// Steps of the search within a bin.
+const FINE: u32 = 40;
+/// A pulse is over once the acceleration stays at one level for so many bins.
+const QUIET: usize = 8;
+/// So many bins behind the last one above the threshold a level is looked for.
+const REACH: usize = 6;
+/// Least spread of an edge, share of a bin: receive jitter and the grid of the bins.
+const LEAST_SD: f64 = 0.1;
+
+/// One bin beside an edge, counted from outside the pulse inwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bin {
+    /// Its outer side, s; grows inwards.
+    pub(super) outer: f64,
+    /// Its length, s.
+    pub(super) dt: f64,
+    /// Departure from the level, in the direction of the pulse, m/s^2.
+    pub(super) size: f64,
+    /// Noise of it, one sigma; infinite where nothing was measured.
+    pub(super) noise: f64,
+    /// What the rounding at its inner side carries into the next bin, one sigma.
+    pub(super) carried: f64,
+}
+
+/// Place and spread of the edge, s; `None` where the bins do not rise inwards.
+///
+/// Compared are the changes of velocity from outside to each bin's inner side: what rounding leaves of one stored
+/// value is in the next one, so that a single coarse value is off by metres a second squared and their sum is not.
+pub(super) fn edge(bins: &[Bin], powers: &[f64]) -> Option<[f64; 2]> {
+    let (first, inner) = (bins.first()?, bins.last()?);
+    let (mut change, mut noise) = (0.0, 0.0);
+    // Inner side, change, weight.
+    let sums: Vec<[f64; 3]> = bins
+        .iter()
+        .map(|b| {
+            change += b.size * b.dt;
+            noise += (b.noise * b.dt).powi(2);
+            let variance = noise + (b.carried * b.dt).powi(2) + (SHAPE_SD * change).powi(2);
+            [b.outer + b.dt, change, 1.0 / variance]
+        })
+        .collect();
+    let step = inner.dt / f64::from(FINE);
+    let count = schema::num::round_usize((inner.outer + 0.5 * inner.dt - first.outer) / step);
+    let mut tried = Vec::with_capacity(powers.len() * (count + 1));
+    for &power in powers {
+        for i in 0..=count {
+            let at = first.outer + real(i) * step;
+            let unit = inner.outer + inner.dt - at;
+            let (mut square, mut along, mut own) = (0.0, 0.0, 0.0);
+            for [side, change, weight] in &sums {
+                let shape = ((side - at).max(0.0) / unit).powf(power + 1.0);
+                square += weight * shape * shape;
+                along += weight * shape * change;
+                own += weight * change * change;
+            }
+            if along > 0.0 && square > 0.0 {
+                let log = -0.5 * (own - along * along / square) - 0.5 * square.ln();
+                tried.push((at, log));
+            }
+        }
+    }
+    let top = tried.iter().fold(f64::NEG_INFINITY, |m, t| m.max(t.1));
+    let (mut sum, mut first_moment, mut second_moment) = (0.0, 0.0, 0.0);
+    for (at, log) in &tried {
+        let weight = (log - top).exp();
+        let off = at - inner.outer;
+        sum += weight;
+        first_moment += weight * off;
+        second_moment += weight * off * off;
+    }
+    if sum <= 0.0 {
+        return None;
+    }
+    let middle = first_moment / sum;
+    let variance = (second_moment / sum - middle * middle).max(0.0);
+    Some([
+        inner.outer + middle,
+        variance.sqrt().hypot(LEAST_SD * inner.dt),
+    ])
+}
+
+/// One sigma of what the rounding of epoch `k` carries into the next, m/s^2.
+fn carried(epochs: &Epochs, k: usize) -> f64 {
+    let (scale, accel) = (&epochs.header.accel_scale, &epochs.list[k].accel);
+    let coarse = accel.xy().amax() > scale.fine_step * f64::from(scale.fine_steps);
+    let step = if coarse {
+        scale.coarse_step
+    } else {
+        scale.fine_step
+    };
+    step / 12.0_f64.sqrt()
+}
+
+/// The end of a pulse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct End {
+    /// s.
+    pub(super) t_s: f64,
+    /// One sigma, s.
+    pub(super) sd_s: f64,
+}
+
+/// Acceleration of the epochs `from..to` in axes that stand still, without what the IMU feels for being carried round
+/// the centre of gravity. What the tyres do to a spinning car is steady only there: at an IMU half a metre off, in axes
+/// that turn at 200 deg/s, it turns and fades and looks like a pulse that goes on. The growth of the spin is left in: it
+/// is steady as well once the pulse is over, and no derivative of a coarsely rounded rate is needed.
+pub(super) fn still(motion: &Motion, epochs: &Epochs, from: usize, to: usize) -> Vec<Vector3<f64>> {
+    let vehicle = &epochs.header.vehicle;
+    let arm = match vehicle.imu_position_m.zip(vehicle.cg_position_m) {
+        Some((imu, cg)) => Vector3::from(cg) - Vector3::from(imu),
+        None => Vector3::zeros(),
+    };
+    let rate = &motion.rate;
+    let mut turned = Matrix3::<f64>::identity();
+    (from..to)
+        .map(|k| {
+            let near = &rate[k.saturating_sub(1)..(k + 2).min(rate.len())];
+            let w = near.iter().sum::<Vector3<f64>>() / real(near.len());
+            let half = exp_so3(&(rate[k] * (0.5 * epochs.list[k].dt)));
+            let middle = turned * half;
+            turned = middle * half;
+            middle * (motion.accel[k] + w.cross(&w.cross(&arm)))
+        })
+        .collect()
+}
+
+/// The acceleration after a pulse, a straight line: springs swing the centre of gravity at 1 to 2 Hz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Level {
+    middle: f64,
+    mean: Vector3<f64>,
+    slope: Vector3<f64>,
+}
+
+impl Level {
+    /// Least squares over the bins `from..=to`.
+    fn of(accel: &[Vector3<f64>], from: usize, to: usize) -> Self {
+        let window = &accel[from..=to];
+        let n = real(window.len());
+        let middle = 0.5 * real(from + to);
+        let mean = window.iter().sum::<Vector3<f64>>() / n;
+        let mut slope = Vector3::zeros();
+        for (i, a) in window.iter().enumerate() {
+            slope += a * (real(from + i) - middle);
+        }
+        slope *= 12.0 / (n * (n * n - 1.0));
+        Self {
+            middle,
+            mean,
+            slope,
+        }
+    }
+
+    fn at(&self, i: usize) -> Vector3<f64> {
+        self.mean + self.slope * (real(i) - self.middle)
+    }
+}
+
+/// The end of the pulse that begins with epoch `first` and is last above the threshold in `last`: where its fall meets
+/// the level that the acceleration then keeps. `clear`: departure from a level that is no noise; `noise`: one sigma.
+/// `None` where it comes to no level.
+pub(super) fn end(
+    motion: &Motion,
+    epochs: &Epochs,
+    [first, last]: [usize; 2],
+    clear: f64,
+    noise: f64,
+) -> Option<End> {
+    let list = &epochs.list;
+    let to = (last + REACH + QUIET + 2).min(list.len());
+    let accel = still(motion, epochs, first, to);
+    let size = |i: &usize| accel[*i].xy().norm();
+    let top = (0..=last - first).max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let stop = accel.len().checked_sub(QUIET + 1)?;
+    // The first bin behind which everything keeps one level.
+    let (at, level) = (top..stop).find_map(|i| {
+        let level = Level::of(&accel, i + 2, i + QUIET);
+        let keeps = |j: usize| (accel[j] - level.at(j)).xy().norm() < clear;
+        ((i + 1..=i + QUIET).all(keeps) && !keeps(i)).then_some((i, level))
+    })?;
+    let inner = at.checked_sub(1)?;
+    let departs = |i: usize| (accel[i] - level.at(i)).xy();
+    let push = (departs(at) + departs(inner)).try_normalize(1e-6)?;
+    let bins: Vec<Bin> = (inner..=at + 2)
+        .rev()
+        .map(|i| {
+            let epoch = &list[first + i];
+            let seen = epoch.measured[..2] == [true; 2];
+            Bin {
+                outer: -epoch.t_s,
+                dt: epoch.dt,
+                size: departs(i).dot(&push),
+                noise: if seen { noise } else { f64::INFINITY },
+                carried: carried(epochs, first + i.saturating_sub(1)),
+            }
+        })
+        .collect();
+    let [t, sd_s] = edge(&bins, &END_EXPONENTS)?;
+    Some(End { t_s: -t, sd_s })
+}
+
+/// Onset of a pulse whose first bin clear of the level `base` is `k`: place and spread, s.
+pub(super) fn onset(
+    motion: &Motion,
+    epochs: &Epochs,
+    k: usize,
+    base: &Vector3<f64>,
+    noise: f64,
+) -> Option<[f64; 2]> {
+    let list = &epochs.list;
+    let to = (k + 2).min(list.len());
+    let push = motion.accel[k..to]
+        .iter()
+        .fold(Vector3::zeros(), |sum, a| sum + a - base)
+        .xy()
+        .try_normalize(1e-6)?;
+    let bins: Vec<Bin> = (k.saturating_sub(2)..to)
+        .map(|i| Bin {
+            outer: list[i].t_s - list[i].dt,
+            dt: list[i].dt,
+            size: (motion.accel[i] - base).xy().dot(&push),
+            noise,
+            carried: carried(epochs, i),
+        })
+        .collect();
+    edge(&bins, &EXPONENTS)
+}
