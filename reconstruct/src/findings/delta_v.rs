@@ -17,6 +17,9 @@ use crate::motion::Pulse;
 
 /// A pulse fades below the noise of its end: at least this acceleration is open over the end's timing, m/s^2.
 const PULSE_FLOOR: f64 = 8.0;
+/// What a weak last lobe of a pulse hides among the forces of the tyres: 1.5 m/s^2 that nothing tells from them, a
+/// half-sine of 20 ms, m/s. It pushes where the pulse did.
+const FADE: f64 = 0.02;
 /// Epochs before the onset whose mean is the rate there.
 const RATE_EPOCHS: usize = 5;
 /// Epochs behind the end that tell the rate there: above 50 deg/s a stored rate is rounded to 9 deg/s, and only sums
@@ -241,8 +244,10 @@ fn covariances(
     joint: Option<&JointPulse>,
 ) -> (Matrix3<f64>, Matrix3<f64>) {
     let turned = |m: &Matrix3<f64>| change.c * m * change.c.transpose();
+    let push = change.body.try_normalize(0.1).unwrap_or_default();
+    let fade = push * push.transpose() * (FADE * FADE);
     if let Some(joint) = joint {
-        let extra = Matrix3::from_diagonal(timing) + lever(evidence, change, last);
+        let extra = Matrix3::from_diagonal(timing) + lever(evidence, change, last) + fade;
         let [nav, body] = change.jacobians();
         (
             body * joint.covariance * body.transpose() + extra,
@@ -250,7 +255,7 @@ fn covariances(
         )
     } else {
         let seconds = (pulse.end_s - pulse.onset_s).max(0.01);
-        let body = by_sheet(evidence, pulse, last, change, seconds, timing);
+        let body = by_sheet(evidence, pulse, last, change, seconds, timing) + fade;
         let p = &evidence.snapshots[pulse.before].p;
         let att = p.fixed_view::<3, 3>(ATT, ATT).into_owned();
         let across = skew(&change.nav);

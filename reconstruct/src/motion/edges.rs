@@ -13,7 +13,7 @@ use crate::epochs::Epochs;
 use crate::frame::exp_so3;
 
 /// Exponents of a rise.
-const EXPONENTS: [f64; 3] = [1.0, 1.5, 2.0];
+const EXPONENTS: [f64; 2] = [1.0, 1.5];
 const END_EXPONENTS: [f64; 1] = [1.0];
 /// A rise follows no power exactly (ripple of the structure): share of a bin's size, one sigma.
 const SHAPE_SD: f64 = 0.10;
@@ -21,6 +21,8 @@ const SHAPE_SD: f64 = 0.10;
 const FINE: u32 = 40;
 /// A pulse is over once the acceleration stays at one level for so many bins.
 const QUIET: usize = 8;
+/// And changes by no more than this from one bin to the next, m/s^2.
+const STEADY: f64 = 1.0;
 /// So many bins behind the last one above the threshold a level is looked for.
 const REACH: usize = 6;
 /// Least spread of an edge, share of a bin: receive jitter and the grid of the bins.
@@ -195,7 +197,8 @@ pub(super) fn end(
     let (at, level) = (top..stop).find_map(|i| {
         let level = Level::of(&accel, i + 2, i + QUIET);
         let keeps = |j: usize| (accel[j] - level.at(j)).xy().norm() < clear;
-        ((i + 1..=i + QUIET).all(keeps) && !keeps(i)).then_some((i, level))
+        (level.slope.xy().norm() < STEADY && (i + 1..=i + QUIET).all(keeps) && !keeps(i))
+            .then_some((i, level))
     })?;
     let inner = at.checked_sub(1)?;
     let departs = |i: usize| (accel[i] - level.at(i)).xy();
