@@ -265,7 +265,7 @@ impl Motion {
             None => self.tail(epochs, last, clear),
         };
         let dt = list[last].dt;
-        if let Some(parting) = self.parting(epochs, from, last) {
+        if let Some(parting) = self.parting(epochs, from, last, level.xy().norm()) {
             return (parting, Vector3::zeros(), list[parting].t_s, 0.5 * dt);
         }
         match found {
@@ -276,8 +276,9 @@ impl Motion {
     }
 
     /// The bin in which the cars part, if the pulse goes on behind it: there the change of velocity is largest
-    /// [49 CFR 563.5, maximum delta-V], and what follows is the structure that swings back.
-    fn parting(&self, epochs: &Epochs, first: usize, last: usize) -> Option<usize> {
+    /// [49 CFR 563.5, maximum delta-V], and what follows is the structure that swings back. What tyres that pull with
+    /// `tyres` (m/s^2) took back in that time is no swing.
+    fn parting(&self, epochs: &Epochs, first: usize, last: usize, tyres: f64) -> Option<usize> {
         let mut turned = Rot::<Nav, Body>::identity();
         let mut change = Vector3::zeros();
         let mut largest = (0.0, last);
@@ -290,7 +291,8 @@ impl Motion {
                 largest = (size, k);
             }
         }
-        (largest.0 - change.xy().norm() > SWING_BACK).then_some(largest.1)
+        let taken = tyres * (epochs.list[last].t_s - epochs.list[largest.1].t_s);
+        (largest.0 - change.xy().norm() > SWING_BACK + taken).then_some(largest.1)
     }
 
     /// Last bin of a pulse, and the mean acceleration behind it: after the last one above the threshold the acceleration still falls to its level

@@ -63,8 +63,8 @@ fn rate_after(evidence: &Evidence<'_>, pulse: &Pulse, last: usize) -> Vector3<f6
     let at = (from..to).map(middle).sum::<f64>() / n;
     let mean = rate[from..to].iter().sum::<Vector3<f64>>() / n;
     let (mut slope, mut square) = (Vector3::zeros(), 0.0);
-    for k in from..to {
-        slope += rate[k] * (middle(k) - at);
+    for (k, rate) in rate.iter().enumerate().take(to).skip(from) {
+        slope += rate * (middle(k) - at);
         square += (middle(k) - at).powi(2);
     }
     mean + slope * ((pulse.end_s - at) / square)

@@ -247,3 +247,146 @@ pub(super) fn onset(
         .collect();
     edge(&bins, &EXPONENTS)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Class, Scenario};
+    use schema::Sample;
+    use schema::num::u64_of;
+
+    const LENGTH: f64 = 0.09;
+    const BRAKING: f64 = -6.0;
+
+    /// Uniform numbers with unit variance.
+    struct Draws(u64);
+
+    impl Draws {
+        fn next(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            let unit = schema::num::real_u64(self.0 >> 11) / 9_007_199_254_740_992.0;
+            (unit - 0.5) * 12.0_f64.sqrt()
+        }
+    }
+
+    /// A pulse on braking, the car sliding afterwards.
+    struct Crash {
+        /// Change of velocity share after a share of the pulse.
+        shape: fn(f64) -> f64,
+        delta_v: f64,
+        begin: f64,
+        friction: f64,
+        spin: f64,
+        noise: f64,
+    }
+
+    fn sine(x: f64) -> f64 {
+        0.5 * (1.0 - (std::f64::consts::PI * x).cos())
+    }
+
+    /// Steep rise, long fall: 85 % by a lobe over the first two thirds, the rest by one over the last 55 %.
+    fn skewed(x: f64) -> f64 {
+        let lobe = |x: f64| sine(x.clamp(0.0, 1.0));
+        0.85 * lobe(x / 0.67) + 0.15 * lobe((x - 0.45) / 0.55)
+    }
+
+    impl Crash {
+        /// The first look at 10 ms means of it, and its pulse's onset and end as found.
+        fn found(&self) -> (f64, f64, super::super::Pulse) {
+            let scenario = Scenario::draw(Class::Frontal, 1);
+            let sample = Sample {
+                accel: [Some(0.0), Some(0.0), Some(-9.81)],
+                rate: [Some(0.0); 3],
+                wheels: [None; 2],
+            };
+            let samples: Vec<_> = (0..300).map(|k| (u64_of(k), 100, sample)).collect();
+            let epochs = Epochs::from_samples(scenario.header(), &samples, 0.0, &[]).unwrap();
+            let header = &epochs.header.vehicle;
+            let arm = Vector3::from(header.cg_position_m.unwrap())
+                - Vector3::from(header.imu_position_m.unwrap());
+            let mut draws = Draws(11);
+            let (mut turned, mut motion) = (0.0_f64, empty(300));
+            for (k, epoch) in epochs.list.iter().enumerate() {
+                let share = |t: f64| ((t - self.begin) / LENGTH).clamp(0.0, 1.0);
+                let from = epoch.t_s - epoch.dt;
+                let along = |t: f64| {
+                    self.delta_v * (self.shape)(share(t))
+                        + BRAKING * t.min(self.begin)
+                        + self.friction * (t - self.begin).max(0.0)
+                };
+                let turn = |t: f64| self.spin * (self.shape)(share(t));
+                let force = (along(epoch.t_s) - along(from)) / epoch.dt;
+                let w = Vector3::z() * (0.5 * (turn(epoch.t_s) + turn(from)));
+                // The push keeps its direction over the ground; the car turns under it.
+                let middle = turned + 0.5 * w.z * epoch.dt;
+                turned += w.z * epoch.dt;
+                motion.accel[k] = Vector3::new(middle.cos(), -middle.sin(), 0.0) * force
+                    - w.cross(&w.cross(&arm))
+                    + Vector3::new(draws.next(), draws.next(), 0.0) * self.noise;
+                motion.rate[k] = w;
+            }
+            let pulse = motion.find_impacts(&epochs, &[])[0];
+            (
+                1e3 * (pulse.onset_s - self.begin),
+                1e3 * (pulse.end_s - self.begin - LENGTH),
+                pulse,
+            )
+        }
+    }
+
+    fn empty(n: usize) -> Motion {
+        Motion {
+            accel: vec![Vector3::zeros(); n],
+            rate: vec![Vector3::zeros(); n],
+            rate_doubt: vec![Vector3::zeros(); n],
+            smooth: vec![Vector3::zeros(); n],
+            impacts: Vec::new(),
+            wheels_bad: vec![false; n],
+            after_impact: vec![false; n],
+        }
+    }
+
+    /// Onset within 2 ms (no power of the rise is assumed) and less on average, end within 1 ms, or 2 with noise,
+    /// wherever in a bin they lie, with the tyres' friction
+    /// after them or none, with noise, and in a spin seen from an IMU off the centre of gravity.
+    #[test]
+    fn edges_of_known_pulses() {
+        let cases: [(&str, fn(f64) -> f64, f64, f64, f64, f64); 6] = [
+            ("half-sine", sine, 0.0, 0.0, 0.0, 1.0),
+            ("friction after", sine, -6.0, 0.0, 0.0, 1.0),
+            ("skewed", skewed, -6.0, 0.0, 0.0, 1.0),
+            ("friction against", skewed, 6.0, 0.0, 0.0, 1.0),
+            ("noise", skewed, -6.0, 0.0, 0.3, 2.0),
+            ("spin", skewed, -6.0, 3.5, 0.2, 2.0),
+        ];
+        for (name, shape, friction, spin, noise, most) in cases {
+            let shifts = [0.0, 0.0013, 0.0035, 0.005, 0.0077, 0.0096];
+            let mut sum = 0.0;
+            for shift in shifts {
+                let crash = Crash {
+                    shape,
+                    delta_v: -12.0,
+                    begin: 1.5 + shift,
+                    friction,
+                    spin,
+                    noise,
+                };
+                let (onset, end, pulse) = crash.found();
+                let place = format!("{name}, {shift}: onset {onset} end {end} ms, {pulse:?}");
+                assert!(onset.abs() < 2.0 && end.abs() < most, "{place}");
+                // The spread that is claimed covers it.
+                assert!(onset.abs() < 2e3 * pulse.onset_sd_s, "{place}");
+                assert!(end.abs() < 2e3 * pulse.end_sd_s, "{place}");
+                assert!(
+                    pulse.onset_sd_s < 0.002 && pulse.end_sd_s < 0.002,
+                    "{place}"
+                );
+                sum += onset;
+            }
+            assert!((sum / real(shifts.len())).abs() < 1.0, "{name}: {sum}");
+        }
+    }
+}
