@@ -30,6 +30,8 @@ const TRIGGERED_DELTA_V: f64 = 4.0 / 3.6;
 /// falls to it within [`TAIL_S`], s.
 const LEVEL_S: [f64; 2] = [0.05, 0.12];
 const TAIL_S: f64 = 0.03;
+/// One sigma of a bin before the onset, share of what is clear of the level: the level itself drifts (brakes, a tow).
+const DRIFT: f64 = 1.0 / 3.0;
 /// Least noise of a bin's acceleration beside a pulse, m/s^2.
 const LEAST_NOISE: f64 = 0.1;
 /// A pulse that gives back more than this ends where it was largest, m/s.
@@ -215,8 +217,8 @@ impl Motion {
         }
         let dt = list[k].dt;
         let noise = spread.max(LEAST_NOISE);
-        let [onset_s, onset_sd_s] =
-            edges::onset(self, epochs, k, &base, noise).unwrap_or([list[k].t_s - dt, 0.35 * dt]);
+        let [onset_s, onset_sd_s] = edges::onset(self, epochs, k, &base, DRIFT * clear)
+            .unwrap_or([list[k].t_s - dt, 0.35 * dt]);
         let before = list[..=k].partition_point(|e| e.t_s <= onset_s + 1e-9);
         let before = before.clamp(1, k.max(1)) - 1;
         let (last, level, end_s, end_sd_s) = self.end(epochs, [first, k], last, clear, noise);
