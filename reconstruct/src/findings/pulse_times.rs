@@ -48,7 +48,7 @@ impl Rule {
     pub fn words(self) -> &'static str {
         match self {
             Self::Ramp => {
-                "Used for every figure here: begins where the rise of the horizontal acceleration, drawn back as a straight ramp, leaves its level before the pulse; ends where it has fallen to the level after the pulse, or where the change of velocity is largest if it then swings back"
+                "Used for every figure here: begins where the rise of the horizontal acceleration, drawn back, leaves its level before the pulse; ends where its fall, seen in axes that do not turn with the car, meets the level that it then keeps, or where the change of velocity is largest if it then swings back"
             }
             Self::Cfr563 => {
                 "49 CFR 563.5: begins with the first 20 ms in which the horizontal velocity changes by 0.8 km/h; ends with the first 20 ms after the largest acceleration in which it changes by no more than 0.8 km/h"
