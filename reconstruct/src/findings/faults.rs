@@ -32,12 +32,23 @@ const SIDES: [&str; 2] = ["left", "right"];
 #[must_use]
 pub fn sentences(refined: &Refined, epochs: &Epochs, motion: &Motion) -> Vec<String> {
     let mut out = Vec::new();
+    smoothed(refined, &mut out);
     limits_reached(refined, epochs, &mut out);
     wheels(refined, epochs, motion, &mut out);
     track(refined, epochs, motion, &mut out);
     mounting(refined, epochs, &mut out);
     wheel_scale(refined, epochs, &mut out);
     out
+}
+
+/// Which smoother answered, where it is not the plain sweep.
+fn smoothed(refined: &Refined, out: &mut Vec<String>) {
+    if let Some(why) = &refined.unsettled {
+        out.push(format!(
+            "The refined model's states could not be solved all at once, which this record needs ({why}): its bounds may \
+             be too narrow; take no figure of it as proof without those of the other models."
+        ));
+    }
 }
 
 fn limits_reached(refined: &Refined, epochs: &Epochs, out: &mut Vec<String>) {

@@ -13,10 +13,14 @@ use crate::epochs::Epochs;
 use crate::frame::exp_so3;
 
 /// Exponents of a rise.
-const EXPONENTS: [f64; 2] = [1.0, 1.5];
+const EXPONENTS: [f64; 2] = [1.0, 1.4];
 const END_EXPONENTS: [f64; 1] = [1.0];
 /// A rise follows no power exactly (ripple of the structure): share of a bin's size, one sigma.
 const SHAPE_SD: f64 = 0.10;
+/// And less from the third bin of it on, which averages the rounding of the first two: so many times that.
+const DEEP: f64 = 2.0;
+/// Bins looked at outside the first that departs from the level.
+const OUTSIDE: usize = 2;
 /// Steps of the search within a bin.
 const FINE: u32 = 40;
 /// A pulse is over once the acceleration stays at one level for so many bins.
@@ -53,10 +57,12 @@ pub(super) fn edge(bins: &[Bin], powers: &[f64]) -> Option<[f64; 2]> {
     // Inner side, change, weight.
     let sums: Vec<[f64; 3]> = bins
         .iter()
-        .map(|b| {
+        .enumerate()
+        .map(|(i, b)| {
             change += b.size * b.dt;
             noise += (b.noise * b.dt).powi(2);
-            let variance = noise + (b.carried * b.dt).powi(2) + (SHAPE_SD * change).powi(2);
+            let shape = SHAPE_SD * if i < OUTSIDE + 2 { 1.0 } else { DEEP };
+            let variance = noise + (b.carried * b.dt).powi(2) + (shape * change).powi(2);
             [b.outer + b.dt, change, 1.0 / variance]
         })
         .collect();
@@ -236,7 +242,7 @@ pub(super) fn onset(
         .fold(Vector3::zeros(), |sum, a| sum + a - base)
         .xy()
         .try_normalize(1e-6)?;
-    let bins: Vec<Bin> = (k.saturating_sub(2)..to)
+    let bins: Vec<Bin> = (k.saturating_sub(OUTSIDE)..(k + 3).min(list.len()))
         .map(|i| Bin {
             outer: list[i].t_s - list[i].dt,
             dt: list[i].dt,

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::transition::Density;
 use crate::epochs::{Epoch, Epochs, gap_density};
+use crate::filter::Setup;
 use crate::motion::Motion;
 
 /// Beyond a limit the true value lies higher by this share of it on average, and by so much more or less: no more is
@@ -76,6 +77,20 @@ impl Inputs {
                 .rate
                 .add_scalar(imu.rate_density.powi(2) + vibration(imu.rate_vibration)),
         }
+    }
+
+    /// Turn that gaps and limits hide from the gyros up to the start, about the axis that hides most: one sigma, rad.
+    #[must_use]
+    pub fn hidden_turn(&self, setup: &Setup<'_>) -> f64 {
+        let list = &setup.reversed.forward().list;
+        let variance = list
+            .iter()
+            .zip(&self.extra)
+            .take(setup.start.k + 1)
+            .fold(Vector3::zeros(), |sum: Vector3<f64>, (epoch, extra)| {
+                sum + extra.rate * epoch.dt
+            });
+        variance.max().sqrt()
     }
 
     fn widen(&mut self, k: usize, axis: usize, density: f64) {

@@ -62,6 +62,7 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     let mut trajectory = rts::means(tape);
     let mut spare = Vec::new();
     let mut held_since = None;
+    let mut last: Vec<Row> = Vec::new();
     let (mut step, mut left) = (f64::INFINITY, f64::INFINITY);
     for round in 1..=MOST {
         let mut plain = ground.problem(&trajectory);
@@ -74,7 +75,11 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         };
         let solved = factor_into(held.as_ref().unwrap_or(&plain), spare)?;
         let before = step;
-        step = advance(&mut trajectory, &solved.means(), tape);
+        let means = solved.means();
+        let whole = !turns_back(&means, &last, tape);
+        let share = if whole { 1.0 } else { 0.5 };
+        step = advance(&mut trajectory, &means, tape, share);
+        last = means;
         if !step.is_finite() {
             break;
         }
@@ -85,7 +90,11 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
         } else {
             step
         };
-        if left < CONVERGED && soft <= 1.0 {
+        // After half a step nothing is known of the share.
+        if !whole {
+            step = f64::INFINITY;
+        }
+        if left < CONVERGED && whole && soft <= 1.0 {
             let crossed = limits::hold(ground, &plain, &trajectory, 1.0).0;
             if age.is_some() || crossed.total() == 0 {
                 // With limits the covariance is that without them.
@@ -127,14 +136,28 @@ pub fn solve(ground: &Ground<'_>) -> Result<Batch, ReconstructError> {
     })
 }
 
-/// Moves the trajectory, the attitude by no more than [`TURN`]; gives the largest step in standard deviations of the
-/// filter.
-fn advance(trajectory: &mut [Nominal], means: &[Row], tape: &Tape) -> f64 {
+/// True if a step takes back most of the one before it: Gauss-Newton swings about a solution that lies between, and half
+/// the step is near it (a gap swung by -0.99 a round). Measured in variances of the filter.
+fn turns_back(means: &[Row], last: &[Row], tape: &Tape) -> bool {
+    let (mut both, mut old) = (0.0, 0.0);
+    for ((x, y), own) in means.iter().zip(last).zip(&tape.steps) {
+        for s in 0..DIM {
+            let variance = own.p[(s, s)].max(0.0) + fine(s).powi(2);
+            both += x[s] * y[s] / variance;
+            old += y[s] * y[s] / variance;
+        }
+    }
+    both < -0.5 * old
+}
+
+/// Moves the trajectory by a share of the means, the attitude by no more than [`TURN`]; gives the largest whole step in
+/// standard deviations of the filter.
+fn advance(trajectory: &mut [Nominal], means: &[Row], tape: &Tape, share: f64) -> f64 {
     let turn = means
         .iter()
         .map(|x| x.fixed_rows::<3>(ATT).norm())
         .fold(0.0, f64::max);
-    let share = if turn > TURN { TURN / turn } else { 1.0 };
+    let share = share * if turn > TURN { TURN / turn } else { 1.0 };
     let mut step: f64 = 0.0;
     for ((x, nominal), own) in means.iter().zip(trajectory).zip(&tape.steps) {
         let size = largest(x, |s| own.p[(s, s)]);
@@ -147,9 +170,13 @@ fn advance(trajectory: &mut [Nominal], means: &[Row], tape: &Tape) -> f64 {
     step
 }
 
+/// Standard deviation below which one of a state counts as this.
+fn fine(state: usize) -> f64 {
+    FINE.get(state / 3).copied().unwrap_or(1e-9)
+}
+
 /// Largest entry over its standard deviation.
 fn largest(x: &Row, variance: impl Fn(usize) -> f64) -> f64 {
-    let fine = |s: usize| FINE.get(s / 3).copied().unwrap_or(1e-9);
     (0..DIM)
         .map(|s| x[s].abs() / variance(s).max(0.0).sqrt().max(fine(s)))
         .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })

@@ -60,6 +60,11 @@ impl Case {
         }
     }
 
+    /// The same record reconstructed again.
+    pub(crate) fn again(&mut self, options: &Options) {
+        self.result = reconstruct(&self.record, options).unwrap();
+    }
+
     /// The same crash reconstructed from the samples before they were packed.
     pub(crate) fn unrounded(&self, options: &Options) -> Self {
         let (first, end) = (self.record.first_index(), self.record.end_index());
