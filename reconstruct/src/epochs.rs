@@ -22,6 +22,14 @@ const MISSING_CORRELATION_S: f64 = 1.0;
 /// then hide, m/s.
 const PULSE_STEP: f64 = 15.0;
 const HIDDEN_DELTA_V: f64 = 10.0;
+/// A gap of so long in a pulse, s, is bridged by the line: a pulse lasts several times that.
+const WITHIN_PULSE_S: f64 = 0.025;
+/// It is off by a share of the larger neighbour (the pulse bends, its structure ripples) and by one of the
+/// step between them, one sigma. Over the 1,746 bins of 100 simulated pulses it was off by 0.99 of that, rms, and 95 % were
+/// within 1.9 of it.
+const LINE_OFF: [f64; 2] = [0.15, 0.18];
+/// Specific force of driving, m/s^2.
+const DRIVING: f64 = 30.0;
 
 /// One sample as the filter sees it: SI units, body axes, gaps bridged and marked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,7 +183,7 @@ impl Epochs {
         let seconds: f64 = self.list[from..to].iter().map(|e| e.dt).sum();
         let density = gap_density(axis, a, b, seconds);
         // A straight line up to the height of a pulse would invent a change of velocity: the calmer side is held.
-        let pulse = hides_pulse(axis, a, b);
+        let pulse = hides_pulse(axis, a, b) && seconds > WITHIN_PULSE_S;
         let calm = self.mean_of(axis);
         let held = if (a - calm).abs() < (b - calm).abs() {
             a
@@ -256,6 +264,12 @@ pub(crate) fn gap_density(axis: usize, before: f64, after: f64, seconds: f64) ->
         return (MISSING_RATE_SD.powi(2) + step * step) * correlated;
     }
     let drive = MISSING_ACCEL_SD.powi(2) * correlated;
+    let most = before.abs().max(after.abs());
+    let within = most > DRIVING || hides_pulse(axis, before, after);
+    if within && seconds <= WITHIN_PULSE_S {
+        let off = (LINE_OFF[0] * most).hypot(LINE_OFF[1] * (after - before));
+        return drive + off * off * seconds;
+    }
     if hides_pulse(axis, before, after) {
         drive + HIDDEN_DELTA_V.powi(2) / seconds.max(0.01)
     } else {

@@ -20,6 +20,7 @@ pub mod limits;
 pub mod pulse_times;
 pub mod reaction;
 pub mod rollover;
+pub mod uncertainty;
 
 impl Figure {
     /// No number at all.

@@ -315,7 +315,7 @@ fn budget_adds_up_and_meets_sources_turned_off() {
         let solved = factor(&problem).unwrap();
         let figure = figures(ground, &problem, &nominals)
             .into_iter()
-            .find(|f| f.name == "position across at the start")
+            .find(|f| f.name == "position across the path at the start")
             .unwrap();
         let found = budget(ground, &problem, &solved, &nominals, &figure).unwrap();
         let a = figure.terms[0].1;

@@ -63,6 +63,7 @@ fn run_writes_every_file_and_a_screen() {
             "motion.svg",
             "path.svg",
             "report.html",
+            "sample_paths.csv",
             "summary.json",
             "trajectory.csv"
         ]
@@ -103,7 +104,7 @@ fn summaries_fit_the_printed_schema() {
             last = summary.clone();
             let printed: Value = serde_json::from_str(&stdout(&result)).unwrap();
             assert_eq!(printed["impact"], summary["impact"]);
-            assert_eq!(printed["files"].as_array().unwrap().len(), 6);
+            assert_eq!(printed["files"].as_array().unwrap().len(), 7);
             let digest = <sha2::Sha256 as sha2::Digest>::digest(&bytes);
             assert_eq!(
                 summary["record"]["sha256"],
@@ -136,12 +137,17 @@ fn the_same_input_gives_the_same_bytes_and_a_stale_funnel_goes() {
         "path.svg",
         "motion.svg",
         "report.html",
+        "sample_paths.csv",
     ] {
         assert!(
             std::fs::read(a.join(name)).unwrap() == std::fs::read(b.join(name)).unwrap(),
             "{name}"
         );
     }
+    // Sample paths are of the refined model alone: those of an earlier run go.
+    let nine = ["--model", "nine-state"];
+    reconstruct(&["run", text(&record), "--out", text(&b), nine[0], nine[1]]);
+    assert!(a.join("sample_paths.csv").exists() && !b.join("sample_paths.csv").exists());
     let csv = std::fs::read_to_string(a.join("trajectory.csv")).unwrap();
     let heading = csv
         .lines()

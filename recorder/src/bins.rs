@@ -22,6 +22,8 @@ pub struct Bin {
     integral: [f64; AXES],
     /// Covered part of each axis, ns.
     covered: [f64; AXES],
+    /// A lost frame of this axis may hide a part of a pulse here.
+    torn: [bool; AXES],
     wheel_sum: [f64; 2],
     wheel_frames: [u16; 2],
     /// Frames of each axis whose middle fell here, and those at the sensor's limit downwards and upwards.
@@ -35,12 +37,14 @@ pub struct Bin {
 }
 
 impl Bin {
-    /// Mean of an axis over the covered part; `None` where less than half of the bin is covered.
+    /// Mean of an axis over the covered part; `None` where less than half of the bin is covered, and where a lost frame
+    /// may hide a part of a pulse.
     #[must_use]
     pub fn mean(&self, axis: usize) -> Option<f64> {
         let covered = self.covered.get(axis).copied().unwrap_or(0.0);
         let integral = self.integral.get(axis).copied().unwrap_or(0.0);
-        (covered >= 0.5 * BIN).then(|| integral / covered)
+        let torn = self.torn.get(axis).copied().unwrap_or(false);
+        (covered >= 0.5 * BIN && !torn).then(|| integral / covered)
     }
 
     /// Mean of a wheel's frames; `None` if none came.
@@ -125,6 +129,18 @@ impl Bins {
             at = if stop > at { stop } else { end };
         }
         any
+    }
+
+    /// Marks the bins of a stretch of time in which a lost frame of these axes may hide a part of a pulse.
+    pub fn tear(&mut self, axes: [bool; AXES], start: f64, end: f64) {
+        let mut index = index_of(num::floor_i64(start)).max(self.base);
+        while num::real_i64(start_of(index)) < end {
+            let Some(bin) = self.at(index) else { break };
+            for (torn, carried) in bin.torn.iter_mut().zip(axes) {
+                *torn |= carried;
+            }
+            index += 1;
+        }
     }
 
     /// Adds a wheel frame. False if its bin is closed.

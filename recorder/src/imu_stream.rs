@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
+use schema::bridge::bridges;
 use schema::num;
 
-use crate::bins::AXES;
+use crate::bins::{AXES, BIN};
 use crate::timeline::{AHEAD, Arrival, START, Timeline, Verdict};
 
 /// A frame is placed at the latest so long after it came.
@@ -20,6 +21,8 @@ pub(crate) struct PlacedFrame {
     pub(crate) values: [f64; AXES],
     /// One lost frame before it, bridged: from when, with which values.
     pub(crate) bridge: Option<(f64, [f64; AXES])>,
+    /// Lost frames before it that may hide a part of a pulse: from when. Their bins are missing.
+    pub(crate) torn: Option<f64>,
     pub(crate) lost: u64,
 }
 
@@ -93,6 +96,11 @@ impl ImuStream {
     #[must_use]
     pub fn counted(&self) -> bool {
         self.counted
+    }
+
+    /// The axes it carries.
+    pub(crate) fn carries(&self) -> [bool; AXES] {
+        self.carries
     }
 
     /// Frames lost so far.
@@ -219,14 +227,22 @@ impl ImuStream {
             Verdict::Placed(placed) => {
                 let values = self.pop();
                 // Holes up to one period (and the drift of a quarter) are one lost frame.
-                let bridge = (placed.hole > 0.0 && placed.hole <= 1.25 * self.timeline.period())
-                    .then(|| {
-                        let mut mean = self.previous;
-                        for (mean, value) in mean.iter_mut().zip(values) {
-                            *mean = f64::midpoint(*mean, value);
-                        }
-                        (placed.start - placed.hole, mean)
-                    });
+                let one = placed.hole > 0.0 && placed.hole <= 1.25 * self.timeline.period();
+                let calm = self
+                    .previous
+                    .iter()
+                    .zip(values)
+                    .enumerate()
+                    .all(|(axis, (a, b))| bridges(placed.hole / BIN, axis, *a, b));
+                let from = placed.start - placed.hole;
+                let torn = (placed.hole > 0.0 && !calm).then_some(from);
+                let bridge = (one && calm).then(|| {
+                    let mut mean = self.previous;
+                    for (mean, value) in mean.iter_mut().zip(values) {
+                        *mean = f64::midpoint(*mean, value);
+                    }
+                    (from, mean)
+                });
                 self.previous = values;
                 self.lost += placed.lost;
                 let (start, end, lost) = (placed.start, placed.end, placed.lost);
@@ -235,6 +251,7 @@ impl ImuStream {
                     end,
                     values,
                     bridge,
+                    torn,
                     lost,
                 })
             }

@@ -3,8 +3,9 @@
 //! **IMU.** Each frame stands for one sensor period, the one that ends at its place on the de-jittered
 //! [`crate::timeline::Timeline`] (sample and hold). The signal is integrated over each bin with exact overlaps, so the sum of
 //! samples times 10 ms is the sum of frames times their periods. One lost frame (a gap of two periods) is
-//! bridged by the mean of its neighbours; where more are lost nothing is put in their place: a bin of which less
-//! than half is covered is missing, another is the mean over what is covered.
+//! bridged by the mean of its neighbours, but in a pulse ([`schema::bridge`]): the bins it falls in are missing there.
+//! Where more are lost nothing is put in their place: a bin of which less than half is covered is missing, another is
+//! the mean over what is covered.
 //! **Wheels.** The mean of the frames that arrived in the bin, else missing.
 //! **Clipping** is counted on the sensor's own axes, frame by frame, in the bin of the frame's middle.
 //!
@@ -22,6 +23,8 @@ use crate::plan::{Plan, Role};
 const PATIENCE_NS: i64 = 50_000_000;
 /// A bin is closed so long after its end even if a stream hangs behind.
 const LAG_NS: i64 = 600_000_000;
+/// Part of a bin that a lost frame may cover and leave it as it is, ns: the line of a jittering sensor is not exact.
+const SLIVER: f64 = 5e5;
 /// A frame's specific force at and above this is more than driving: gravity and 1 g beside it, m/s^2.
 const SHARP: f64 = 13.8;
 
@@ -315,6 +318,10 @@ impl Sampler {
             };
             if let Some((from, bridge)) = placed.bridge {
                 self.bins.spread(&bridge, from, placed.start);
+            }
+            if let Some(from) = placed.torn {
+                self.bins
+                    .tear(stream.carries(), from + SLIVER, placed.start - SLIVER);
             }
             if !self.bins.spread(&placed.values, placed.start, placed.end) {
                 self.late += 1;

@@ -223,3 +223,18 @@ proptest! {
         prop_assert!((delta_v(&run) - frames).abs() < 1e-4 * scale.max(1.0), "{} {frames}", delta_v(&run));
     }
 }
+
+/// A frame as long as a sample that is lost in a pulse is missing: its neighbours do not tell what it held. One of ten of
+/// a sample is bridged, there too.
+#[test]
+fn a_frame_lost_in_a_pulse_leaves_a_hole() {
+    for (hz, at, expected) in [(100.0, 300, 0), (100.0, 204, 1), (1000.0, 2045, 0)] {
+        let log = pulse(hz, 4.0, true, |k| (k != at).then_some(0.0));
+        let found = missing(&run(&settings(&[]), log.text(), &[]));
+        // A frame that lies over two samples leaves both.
+        assert!(
+            (expected..=2 * expected).contains(&found),
+            "{hz} {at}: {found}"
+        );
+    }
+}

@@ -6,7 +6,7 @@
 //!
 //! 1. [`sample`]: eight physical values, and their eight 10-bit codes [S03, table 3.1].
 //! 2. [`scale`]: the two-slope scale between them; [`packer`]: the error feedback that keeps sums exact.
-//! 3. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate; [`time`].
+//! 3. [`bridge`]: where a lost frame may be bridged. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate; [`time`].
 //! 4. [`header`]: what a reader must know of the car, the sensors and the clocks.
 //! 5. [`parts`]: clipping, raw frames, auxiliary signals, health, triggers, completion.
 //! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic, and
@@ -19,6 +19,7 @@
 //! Every byte is laid down in `schema/FORMAT.md`.
 
 pub mod block;
+pub mod bridge;
 pub(crate) mod bytes;
 pub(crate) mod check;
 pub mod envelope;

@@ -256,7 +256,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let outline = ellipse::outline(&result.states, result.rest_pose.as_ref(), result.confidence);
     let pictures = Pictures::draw(&result, &outline);
     let funnel_name = funnel::file_name(&result);
-    let files = [
+    let mut files = vec![
         ("trajectory.csv", trajectory::csv(&result.states)),
         ("summary.json", format!("{summary:#}\n")),
         (
@@ -267,13 +267,17 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         ("motion.svg", pictures.motion_file()),
         ("report.html", page::html(&result, &case, &pictures)),
     ];
+    let paths = &result.details.paths;
+    if !paths.places.is_empty() {
+        files.push(("sample_paths.csv", trajectory::sample_paths(paths)));
+    }
     for (name, text) in &files {
         write_file(&args.out.join(name), text.as_bytes())?;
     }
-    // A funnel of an earlier run in the other frame would contradict the rest of the folder.
-    for stale in ["funnel.geojson", "funnel.local.json"] {
+    // A file of an earlier run (a funnel in the other frame, paths of another model) would contradict the rest of the folder.
+    for stale in ["funnel.geojson", "funnel.local.json", "sample_paths.csv"] {
         let path = args.out.join(stale);
-        if stale != funnel_name && path.is_file() {
+        if files.iter().all(|(name, _)| *name != stale) && path.is_file() {
             std::fs::remove_file(&path).map_err(|error| CliError::file(&path, error))?;
         }
     }

@@ -4,9 +4,14 @@
 //! every heading. The error of the rest point itself does not: positions count from there. It enters where the
 //! path is laid on the earth, see [`crate::export::ellipse`].
 
+use crate::findings::details::SamplePaths;
 use crate::findings::{Figure, ModelAnswer, Reconstruction, RestPose};
+use crate::smooth::sample;
 use crate::stats::two_sided_quantile;
 use crate::trajectory::State;
+
+/// Seed of the headings of sample paths: the same record gives the same bytes.
+const SEED: u64 = 2;
 
 /// Turns everything that has a direction; does nothing without a rest pose.
 pub fn to_true_north(r: &mut Reconstruction) {
@@ -38,6 +43,7 @@ pub fn to_true_north(r: &mut Reconstruction) {
     if let Some(rest) = &mut r.details.final_rest {
         turn.heading(&mut rest.heading_deg);
     }
+    turn_paths(&mut r.details.paths, &pose);
     for model in &mut r.models {
         turn_answer(model, &turn);
     }
@@ -46,6 +52,17 @@ pub fn to_true_north(r: &mut Reconstruction) {
 fn turned([north, east]: [f64; 2], heading: f64) -> [f64; 2] {
     let (s, c) = heading.sin_cos();
     [c * north - s * east, s * north + c * east]
+}
+
+/// Each sample path by a heading drawn from the doubt of the one measured.
+fn turn_paths(paths: &mut SamplePaths, pose: &RestPose) {
+    let drawn = sample::normals(paths.places.len(), SEED);
+    for (path, z) in paths.places.iter_mut().zip(drawn) {
+        let heading = (pose.heading_deg + pose.sd_deg * z).to_radians();
+        for place in path {
+            *place = turned(*place, heading);
+        }
+    }
 }
 
 fn turn_state(state: &mut State, pose: &RestPose) {

@@ -1,6 +1,7 @@
-//! `trajectory.csv`: one row a sample in recording order, RFC 4180 (lines end in CR LF), a missing value empty.
+//! `trajectory.csv` (and `sample_paths.csv`): one row a sample in recording order, RFC 4180 (lines end in CR LF), a missing value empty.
 
 use crate::export::fixed::{push, utc};
+use crate::findings::details::SamplePaths;
 use crate::trajectory::State;
 
 /// The columns in their order. The first 21 are the stable interface; further ones may be added at the end.
@@ -45,6 +46,27 @@ pub fn csv(states: &[State]) -> String {
     out.push_str("\r\n");
     for state in states {
         row(&mut out, state);
+    }
+    out
+}
+
+/// Columns of `sample_paths.csv`.
+pub const PATH_COLUMNS: [&str; 4] = ["path", "t_s", "north_m", "east_m"];
+
+/// Sample paths, one after the other from 1; metres with three decimals.
+#[must_use]
+pub fn sample_paths(paths: &SamplePaths) -> String {
+    let mut out = PATH_COLUMNS.join(",");
+    out.push_str("\r\n");
+    for (i, path) in paths.places.iter().enumerate() {
+        for (t_s, [north, east]) in paths.t_s.iter().zip(path) {
+            out.push_str(&(i + 1).to_string());
+            for (value, decimals) in [(t_s, 4), (north, 3), (east, 3)] {
+                out.push(',');
+                push(&mut out, *value, decimals);
+            }
+            out.push_str("\r\n");
+        }
     }
     out
 }

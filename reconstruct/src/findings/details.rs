@@ -7,6 +7,7 @@ use crate::findings::final_rest::{self, FinalRest};
 use crate::findings::reaction::{self, Reaction, Reference, way};
 use crate::findings::rollover::{self, RollOver};
 use crate::rest::RestInterval;
+use crate::smooth::Smoother;
 use crate::trajectory::State;
 
 /// Events that begin not more than this apart are one crash of several events [49 CFR 563.5], s.
@@ -26,8 +27,35 @@ pub struct Interval {
 pub struct Budget {
     /// Which figure.
     pub figure: String,
-    /// Source and its share of the variance, 0 to 1.
+    /// Unit of its spread.
+    pub unit: &'static str,
+    /// Its standard deviation in that unit.
+    pub sd: f64,
+    /// Source and its share of the variance, 0 to 1, the largest first and small ones added up; the sum is one.
     pub sources: Vec<(String, f64)>,
+}
+
+/// Paths drawn from the joint posterior of all epochs: each is one way that the car may have come.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct SamplePaths {
+    /// Seconds from the trigger of each point.
+    pub t_s: Vec<f64>,
+    /// Of each path the places at these times, north and east of the rest, m.
+    pub places: Vec<Vec<[f64; 2]>>,
+}
+
+impl SamplePaths {
+    /// The points of a window of time, its ends included.
+    #[must_use]
+    pub fn within(mut self, from_s: f64, to_s: f64) -> Self {
+        let from = self.t_s.partition_point(|t| *t < from_s - 1e-9);
+        let to = self.t_s.partition_point(|t| *t <= to_s + 1e-9).max(from);
+        self.t_s = self.t_s[from..to].to_vec();
+        for path in &mut self.places {
+            *path = path.get(from..to).unwrap_or_default().to_vec();
+        }
+        self
+    }
 }
 
 /// The findings beyond the main figures.
@@ -49,8 +77,12 @@ pub struct Details {
     pub intervals: Vec<Interval>,
     /// Impacts that begin within 5 s of the first one, itself included.
     pub multi_event: u32,
+    /// Smoother behind the states; `None` where the model has none.
+    pub smoother: Option<Smoother>,
     /// Error budgets; empty where the model gives none.
     pub budgets: Vec<Budget>,
+    /// Sample paths; empty where the model gives none.
+    pub paths: SamplePaths,
 }
 
 /// The details of a run; `states` are those of the whole record, `from..to` is the window of the extremes, `seconds`
@@ -116,6 +148,8 @@ pub fn of(
         final_rest,
         intervals,
         multi_event: u32::try_from(together).unwrap_or(u32::MAX),
+        smoother: None,
         budgets: Vec::new(),
+        paths: SamplePaths::default(),
     }
 }

@@ -36,6 +36,8 @@ pub use tuning::Tuning;
 const AGAIN: usize = 2;
 /// Turn hidden by a gap or a gyro at its limit, one sigma, rad, beyond which the pass is not linear about the truth.
 const HIDDEN_TURN: f64 = 0.005;
+/// Cosine of the tilt beyond which a car rolls over: a tilt error then turns into one of the heading, and back.
+const UPRIGHT: f64 = 0.7;
 
 /// What the refined model gives.
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ impl Refined {
 }
 
 /// Runs filter and smoother. Asked for the sweep, it takes the batch solve where the sweep is not linear about the truth:
-/// without rest, and where a gap or a gyro at its limit hides a turn.
+/// without rest, where a gap or a gyro at its limit hides a turn, and in a roll-over.
 ///
 /// # Errors
 /// As [`pass::run`], and as [`batch::solve`] if that is asked for.
@@ -124,7 +126,13 @@ pub fn run(
     let mut unsettled = None;
     // What the pass takes for knowledge where it changes its mind about the heading is none: in a record that ends
     // moving it put the gyro's bias at 0.06 deg/s, its own solution at 0.18 (rav4, 45 m off at 746 m with 19 m stated).
-    let bent = !rest.found() || passed.inputs.hidden_turn(setup) > HIDDEN_TURN;
+    let bent = !rest.found()
+        || passed.inputs.hidden_turn(setup) > HIDDEN_TURN
+        || passed
+            .tape
+            .steps
+            .iter()
+            .any(|step| step.nominal.nav.c_nb.m.m33 < UPRIGHT);
     let (used, answer) = match smoother {
         Smoother::Batch => (Smoother::Batch, by_batch(&ground)?),
         Smoother::Rts if bent => match by_batch(&ground) {

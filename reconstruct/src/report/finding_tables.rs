@@ -275,12 +275,14 @@ pub(crate) fn agreement(r: &Reconstruction) -> String {
 /// Error budgets with bars; empty where the model gives none.
 #[must_use]
 pub(crate) fn budgets(r: &Reconstruction) -> String {
-    let mut out = String::new();
+    let mut out = String::from(
+        "<p>How much of each figure's variance (the square of its one sigma) comes from which source, everything else left \
+         as it is: a source whose share is half would, if it were not there, leave 0.7 of the one sigma. Positions are those \
+         of the sensor as seen from the rest; of a heading measured at the scene they hold nothing.</p>\n",
+    );
     for budget in &r.details.budgets {
         let mut rows = String::new();
-        let mut sources: Vec<&(String, f64)> = budget.sources.iter().collect();
-        sources.sort_by(|a, b| b.1.total_cmp(&a.1));
-        for (name, share) in sources {
+        for (name, share) in &budget.sources {
             let share = share.clamp(0.0, 1.0);
             let _ = writeln!(
                 rows,
@@ -291,10 +293,20 @@ pub(crate) fn budgets(r: &Reconstruction) -> String {
                 num::round_i64(100.0 * share)
             );
         }
+        let name = budget.figure.replacen("delta-V", "Delta-V", 1);
+        let mut letters = name.chars();
+        let name: String = letters
+            .next()
+            .map(|c| c.to_ascii_uppercase())
+            .into_iter()
+            .chain(letters)
+            .collect();
         let _ = write!(
             out,
-            "<h3>{}</h3>\n{}",
-            escape(&budget.figure),
+            "<h3>{}: one sigma {} {}</h3>\n{}",
+            escape(&name),
+            fixed(budget.sd, number::decimals(budget.sd, 1, 4)),
+            budget.unit,
             table("budget", &["Source", "Share of the variance", ""], &rows)
         );
     }

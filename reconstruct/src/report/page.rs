@@ -10,6 +10,7 @@ use crate::report::pictures::Pictures;
 use crate::report::plan::View;
 use crate::report::svg::escape;
 use crate::report::{finding_tables, impact_tables, map, record_tables, summary, tables, words};
+use crate::smooth::Smoother;
 
 const STYLE: &str = include_str!("page.css");
 
@@ -211,7 +212,7 @@ fn path(r: &Reconstruction, pictures: &Pictures) -> String {
         pictures.path(View::Overview),
         pictures.path(View::Close),
         escape(&format!(
-            "The funnel joins the ellipses of all instants and is a drawing only. The claim is the ellipse of each instant: the true position at that instant lies in it with {} confidence{}.",
+            "The funnel joins the ellipses of all instants and is a drawing only. The claim is the ellipse of each instant: the true position at that instant lies in it with {} confidence{}.{}",
             number::percent(r.confidence),
             if r.rest_pose.is_some() && r.map.is_some() {
                 ", the uncertainty of the fit to the road map included"
@@ -219,6 +220,11 @@ fn path(r: &Reconstruction, pictures: &Pictures) -> String {
                 ", the uncertainty of the measured rest pose included"
             } else {
                 ", relative to the place and heading of rest"
+            },
+            if r.details.paths.places.is_empty() {
+                ""
+            } else {
+                " The faint lines are samples: whole ways the car may have come, drawn from what is left unsure of all instants together."
             },
         ))
     )
@@ -238,8 +244,9 @@ fn models(r: &Reconstruction) -> String {
 
 fn method(r: &Reconstruction) -> String {
     let confidence = number::percent(r.confidence);
+    let states = states(r);
     format!(
-        "<p>The record holds the means over 10 ms of three accelerations, three rates of turn and two wheel speeds. The reconstruction starts where the car stands still, the one instant at which its speed is known, and integrates the motion backwards in time. An error-state Kalman filter carries nine errors (position, velocity and attitude, three axes each) with the uncertainty of the sensors' offsets, and corrects them by the wheel speeds where these agree with the other sensors, by the lack of sideways motion of a rolling car, and by what a road can be. Wheel speeds are left out under hard braking, in a spin and during the impact.</p>\n\
+        "<p>The record holds the means over 10 ms of three accelerations, three rates of turn and two wheel speeds. The reconstruction starts where the car stands still, the one instant at which its speed is known, and integrates the motion backwards in time. {states} Wheel speeds are left out under hard braking, in a spin and during the impact.</p>\n\
          <p>Bounds are two-sided at {confidence}: of many such reconstructions, this share of the true values should lie between them. They rest on the sensor's data sheet as configured; an error outside of it (a sensor that came loose, a wrong configuration) is not covered. Change of velocity is the integral of acceleration over the pulse in the car's axes at its onset. At 100 samples a second no SAE J211 channel frequency class is claimed. Times are from the first trigger; headings are clockwise from {}.</p>\n\
          <p>References: backward black-box reconstruction with wheel speeds and road limits [S03]; inertial navigation with levelling at standstill [S00]; D. Simon and T. L. Chia, Kalman filtering with state equality constraints, and D. Simon and D. L. Simon, constrained Kalman filtering via density function truncation (2010); C. F. van Loan, computing integrals involving the matrix exponential (1978); 49 CFR part 563 and UN Regulation 160 for the definition of delta\u{2011}V.</p>\n",
         if r.rest_pose.is_some() {
@@ -248,6 +255,24 @@ fn method(r: &Reconstruction) -> String {
             "the car's forward axis at rest"
         }
     )
+}
+
+/// What the model of the page carries, in sentences.
+fn states(r: &Reconstruction) -> String {
+    let by = "by the wheel speeds where these agree with the other sensors, by the lack of sideways motion of a rolling car, and by what a road can be";
+    match (r.model, r.details.smoother) {
+        ("dead-reckoning", _) => "The wheel speeds alone give speed and turn; no other sensor is used.".to_owned(),
+        ("published", _) => "The nine-state filter of the published method is used as it was published, with its signs put right: it is there for comparison.".to_owned(),
+        ("refined", smoother) => {
+            let smoothed = match smoother {
+                Some(Smoother::Rts) => " A fixed-interval smoother (Rauch, Tung and Striebel) then brings what was learnt of the sensors in the drive before the crash to the crash itself.",
+                Some(Smoother::Batch) => " All instants were then solved together, about their own solution, with weights that keep outlying measurements from pulling: the sweep that serves other records is not exact where the car was not seen at rest, rolled over, or turned unseen.",
+                _ => "",
+            };
+            format!("An error-state Kalman filter carries nine errors of motion (position, velocity and attitude, three axes each) and, beside them, those of the sensors and the car: biases and scales of the accelerometer and the gyro, mounting, wheel scales and delay, sideslip, track width, the sensor's place. It corrects them {by}.{smoothed}")
+        }
+        _ => format!("An error-state Kalman filter carries nine errors (position, velocity and attitude, three axes each) with the uncertainty of the sensors' offsets, and corrects them {by}."),
+    }
 }
 
 #[cfg(test)]

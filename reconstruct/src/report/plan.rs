@@ -157,6 +157,7 @@ fn body(r: &Reconstruction, view: View, outline: &[Polygon], prefix: &str) -> St
     if view == View::Close {
         marks::cars(&mut svg, &frame, r, shown);
     }
+    marks::samples(&mut svg, &frame, r, shown);
     marks::path(&mut svg, &frame, r, shown);
     marks::dots(&mut svg, &frame, shown);
     svg.raw("</g>");

@@ -15,6 +15,7 @@ const APPROACH: &str = "stroke=\"#1f5a96\" stroke-width=\"3\" stroke-linejoin=\"
 const BRAKING: &str = "stroke=\"#d55e00\" stroke-width=\"6\" stroke-linejoin=\"round\"";
 const AFTER: &str =
     "stroke=\"#111\" stroke-width=\"3\" stroke-dasharray=\"8 4\" stroke-linejoin=\"round\"";
+const SAMPLE: &str = "stroke=\"#1f5a96\" stroke-width=\"0.7\" stroke-opacity=\"0.45\"";
 const NOMINAL_CAR: [f64; 2] = [4.4, 1.8];
 
 /// The path: approach, braking, after the first impact.
@@ -96,6 +97,25 @@ pub(crate) fn corners(frame: &Frame, r: &Reconstruction, shown: &[State]) -> Vec
         }
     }
     points
+}
+
+/// Paths drawn from the joint posterior, faint.
+pub(crate) fn samples(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[State]) {
+    let paths = &r.details.paths;
+    let Some((first, last)) = shown.first().zip(shown.last()) else {
+        return;
+    };
+    let from = paths.t_s.partition_point(|t| *t < first.t_s - 0.1);
+    let to = paths.t_s.partition_point(|t| *t <= last.t_s + 1e-9);
+    for path in &paths.places {
+        let points: Vec<[f64; 2]> = path
+            .get(from..to)
+            .unwrap_or_default()
+            .iter()
+            .map(|p| frame.at(*p))
+            .collect();
+        svg.polyline(&points, SAMPLE);
+    }
 }
 
 fn outline(frame: &Frame, s: &State) -> Vec<[f64; 2]> {
@@ -330,26 +350,30 @@ pub(crate) fn legend(svg: &mut Svg, r: &Reconstruction, view: View, [x, y]: [f64
         "ellipse",
         format!("{} ellipse", number::percent(r.confidence)),
     ));
+    if !r.details.paths.places.is_empty() {
+        entries.push(("sample", "samples".to_owned()));
+    }
     let mut at = x;
     for (kind, text) in &entries {
-        let (from, to) = ([at, y], [at + 26.0, y]);
+        let (from, to) = ([at, y], [at + 22.0, y]);
         match *kind {
             "approach" => svg.line(from, to, APPROACH),
             "braking" => svg.line(from, to, BRAKING),
             "after" => svg.line(from, to, AFTER),
+            "sample" => svg.line(from, to, SAMPLE),
             "funnel" => svg.rect(
                 [at, y - 7.0],
-                [26.0, 14.0],
+                [22.0, 14.0],
                 "fill=\"#dce8f4\" stroke=\"#6d8fb0\" stroke-width=\"1\"",
             ),
             _ => svg.rect(
                 [at, y - 7.0],
-                [26.0, 14.0],
+                [22.0, 14.0],
                 "fill=\"none\" stroke=\"#24567f\" stroke-width=\"1.2\" stroke-dasharray=\"4 3\"",
             ),
         }
-        svg.text([at + 31.0, y + 5.0], 14.0, Anchor::Start, "", text);
-        at += 31.0 + crate::report::svg::text_width(text, 14.0) + 14.0;
+        svg.text([at + 26.0, y + 5.0], 14.0, Anchor::Start, "", text);
+        at += 26.0 + crate::report::svg::text_width(text, 14.0) + 8.0;
     }
     let note = match view {
         View::Overview => {

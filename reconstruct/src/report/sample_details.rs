@@ -3,13 +3,14 @@
 use crate::findings::DeltaV;
 use crate::findings::agreement::Comparison;
 use crate::findings::curve::{CurvePoint, Maximum, Peak};
-use crate::findings::details::{Budget, Details};
+use crate::findings::details::{Budget, Details, SamplePaths};
 use crate::findings::extremes::{Extreme, Extremes};
 use crate::findings::final_rest::{FinalRest, FromImpact};
 use crate::findings::pulse_times::{PulseTimes, Rule};
 use crate::findings::reaction::{Reaction, Reference, Row};
 use crate::findings::rollover::RollOver;
 use crate::report::sample_case::figure;
+use crate::smooth::Smoother;
 
 pub(crate) fn comparison() -> Comparison {
     Comparison {
@@ -118,13 +119,17 @@ pub(crate) fn details() -> Details {
         }),
         intervals: Vec::new(),
         multi_event: 1,
+        smoother: Some(Smoother::Rts),
         budgets: vec![Budget {
-            figure: "Speed at impact".to_owned(),
+            figure: "impact speed".to_owned(),
+            unit: "m/s",
+            sd: 0.12,
             sources: vec![
                 ("levelling".to_owned(), 0.12),
                 ("accelerometer".to_owned(), 0.63),
                 ("wheel <scale>".to_owned(), 0.25),
             ],
         }],
+        paths: SamplePaths::default(),
     }
 }

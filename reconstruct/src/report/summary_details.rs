@@ -28,6 +28,8 @@ pub(crate) fn insert(out: &mut Map<String, Value>, r: &Reconstruction) {
     let rest = d.final_rest.as_ref().map_or(Value::Null, final_rest);
     out.insert("final_rest".into(), rest);
     out.insert("events".into(), events(r, d));
+    let smoother = d.smoother.map(|s| s.name());
+    out.insert("smoother".into(), json!(smoother));
     let budgets: Vec<Value> = d
         .budgets
         .iter()
@@ -37,7 +39,7 @@ pub(crate) fn insert(out: &mut Map<String, Value>, r: &Reconstruction) {
                 .iter()
                 .map(|(name, share)| json!({"source": name, "variance_share": finite(*share)}))
                 .collect();
-            json!({"figure": b.figure, "sources": sources})
+            json!({"figure": b.figure, "unit": b.unit, "sd": finite(b.sd), "sources": sources})
         })
         .collect();
     out.insert("error_budget".into(), Value::Array(budgets));

@@ -45,6 +45,7 @@ pub fn screen(r: &Reconstruction, case: &Case<'_>, files: &[String], code: u8) -
 fn findings(r: &Reconstruction, out: &mut Vec<String>) {
     if let Some(impact) = r.impacts.first() {
         out.push(speed_line("Impact speed", &impact.speed_mps));
+        out.extend(sources(r));
         let dv = &impact.delta_v;
         let name = if dv.lower_bound {
             "Delta-V min."
@@ -109,6 +110,22 @@ fn findings(r: &Reconstruction, out: &mut Vec<String>) {
         ),
     ));
     rest(r, out);
+}
+
+/// The three largest sources of the impact speed's uncertainty.
+fn sources(r: &Reconstruction) -> Option<String> {
+    let budget = r
+        .details
+        .budgets
+        .iter()
+        .find(|b| b.figure == "impact speed")?;
+    let parts: Vec<String> = budget
+        .sources
+        .iter()
+        .take(3)
+        .map(|(name, share)| format!("{name} {} %", crate::export::fixed::fixed(100.0 * share, 0)))
+        .collect();
+    Some(item("  unsure by", &parts.join(", ")))
 }
 
 fn rest(r: &Reconstruction, out: &mut Vec<String>) {

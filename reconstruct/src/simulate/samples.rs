@@ -1,11 +1,12 @@
 //! The direct path: what an ideal recorder would make of the sensors' output, without a bus between.
 
+use schema::bridge::bridges;
 use schema::{Sample, num};
 
 use super::motion::{STEPS_PER_BIN, STEPS_PER_SECOND};
 use super::sensors::{ImuFrame, WheelFrame};
 
-/// A lost frame is bridged from its neighbours while no more than two periods lie between them.
+/// A lost frame is bridged from its neighbours while no more than two periods lie between them, and not in a pulse.
 const BRIDGED: usize = 1;
 /// Least share of a bin that must be known for its mean to be given.
 const KNOWN: f64 = 0.5;
@@ -22,9 +23,11 @@ fn means(
     frames: &[ImuFrame],
     bins: usize,
     length: usize,
+    first_axis: usize,
     value: impl Fn(&ImuFrame) -> Option<[f64; 3]>,
 ) -> Vec<[Option<f64>; 3]> {
     let mut sums = vec![Bin::default(); bins];
+    let share = num::real(length) / num::real(STEPS_PER_BIN);
     for (j, frame) in frames.iter().enumerate() {
         let known = value(frame).or_else(|| {
             let before = j
@@ -32,7 +35,8 @@ fn means(
                 .and_then(|i| frames.get(i))
                 .and_then(&value)?;
             let after = frames.get(j + BRIDGED).and_then(&value)?;
-            Some([0, 1, 2].map(|i| f64::midpoint(before[i], after[i])))
+            let calm = (0..3).all(|i| bridges(share, first_axis + i, before[i], after[i]));
+            calm.then_some([0, 1, 2].map(|i| f64::midpoint(before[i], after[i])))
         });
         let Some(known) = known else { continue };
         let mut begin = frame.end - length;
@@ -65,10 +69,10 @@ pub(super) fn samples(
     imu_hz: usize,
 ) -> Vec<Sample> {
     let length = STEPS_PER_SECOND / imu_hz;
-    let accel = means(imu, bins, length, |frame| {
+    let accel = means(imu, bins, length, 0, |frame| {
         (!frame.accel_lost).then_some(frame.accel)
     });
-    let rate = means(imu, bins, length, |frame| {
+    let rate = means(imu, bins, length, 3, |frame| {
         (!frame.rate_lost).then_some(frame.rate)
     });
     let mut samples: Vec<Sample> = accel

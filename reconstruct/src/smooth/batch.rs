@@ -53,6 +53,28 @@ pub struct Batch {
     pub outlying: Vec<(Source, u64)>,
 }
 
+impl Batch {
+    /// What the sweep solved, about its own answer: its error budget and sample paths. Nothing is weighed again and no
+    /// limit holds.
+    ///
+    /// # Errors
+    /// [`ReconstructError::Numeric`] if the arithmetic fails.
+    pub fn about_sweep(ground: &Ground<'_>) -> Result<Self, ReconstructError> {
+        let trajectory = rts::means(&ground.passed.tape);
+        let problem = ground.problem(&trajectory);
+        let factor = factor(&problem)?;
+        Ok(Self {
+            trajectory,
+            problem,
+            factor,
+            linearisations: 1,
+            left: 0.0,
+            limits: LimitUse::default(),
+            outlying: Vec::new(),
+        })
+    }
+}
+
 /// Solves a record: without the limits until it settles, then, where the trajectory crosses one, with them.
 ///
 /// # Errors

@@ -30,8 +30,8 @@ fn place(name: &str, stage: usize, nominal: &Nominal) -> [Linear; 2] {
             .unwrap_or_else(nalgebra::Vector2::x)
     });
     [
-        ("along", [ahead.x, ahead.y]),
-        ("across", [-ahead.y, ahead.x]),
+        ("along the path", [ahead.x, ahead.y]),
+        ("across the path", [-ahead.y, ahead.x]),
     ]
     .map(|(which, axis)| {
         let mut a = Row::zeros();
@@ -44,7 +44,17 @@ fn place(name: &str, stage: usize, nominal: &Nominal) -> [Linear; 2] {
     })
 }
 
-/// Impact speed, delta-V at the IMU, heading at the first impact; position at the record's start and at -5 s. Figures whose
+fn heading(name: &str, stage: usize, nominal: &Nominal) -> Linear {
+    let mut a = Row::zeros();
+    let row = nominal.nav.c_nb.euler_jacobian().row(2).transpose();
+    a.fixed_rows_mut::<3>(ATT).copy_from(&row);
+    Linear {
+        name: format!("heading {name}"),
+        terms: vec![(stage, a)],
+    }
+}
+
+/// Impact speed, delta-V at the IMU, heading at the first impact; position at -5 s; position and heading at the start of the record. Figures whose
 /// epoch the pass did not reach are left out.
 #[must_use]
 pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -> Vec<Linear> {
@@ -75,13 +85,7 @@ pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -
                 });
             }
         }
-        let mut heading = Row::zeros();
-        let row = nominal.nav.c_nb.euler_jacobian().row(2).transpose();
-        heading.fixed_rows_mut::<3>(ATT).copy_from(&row);
-        out.push(Linear {
-            name: "heading at impact".to_owned(),
-            terms: vec![(before, heading)],
-        });
+        out.push(heading("at impact", before, nominal));
     }
     let early = list
         .partition_point(|e| e.t_s <= BEFORE_S + 1e-9)
@@ -92,6 +96,7 @@ pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -
     }
     if let Some(i) = trajectory.len().checked_sub(1) {
         out.extend(place("at the start", i, &trajectory[i]));
+        out.push(heading("at the start", i, &trajectory[i]));
     }
     out
 }

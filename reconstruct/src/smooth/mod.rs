@@ -17,7 +17,7 @@ pub mod posterior;
 pub mod problem;
 pub mod relinear;
 pub mod rts;
-mod sample;
+pub(crate) mod sample;
 
 use nalgebra::SMatrix;
 

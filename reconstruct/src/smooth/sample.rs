@@ -41,6 +41,12 @@ impl Normal {
     }
 }
 
+/// Standard normal numbers; the same seed gives the same.
+pub(crate) fn normals(count: usize, seed: u64) -> Vec<f64> {
+    let mut normal = Normal::new(seed);
+    (0..count).map(|_| normal.next()).collect()
+}
+
 impl Batch {
     /// `count` paths drawn from the joint posterior: north, east and down (m) of the IMU at the end of each epoch from the
     /// first to the one the pass started from, in recording order. The same seed gives the same paths.
