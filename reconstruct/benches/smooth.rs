@@ -107,6 +107,7 @@ fn main() {
                 rest: &crash.rest,
                 tuning: &tuning,
                 again: None,
+                mounting: None,
             },
             passed: &passed,
         };

@@ -241,7 +241,7 @@ fn run_models(
                         .then(|| uncertainty::of(&refined, setup, rest, &options.refined));
                 }
                 let epochs = setup.reversed.forward();
-                faults = faults::sentences(&refined, epochs, setup.motion);
+                faults = faults::sentences(&refined, epochs, setup.motion, setup.road);
                 motion = Some(refined.motion(setup));
                 joint = refined.joint;
                 Some(refined.snapshots)

@@ -45,6 +45,7 @@ pub fn of(
             rest,
             tuning,
             again: None,
+            mounting: None,
         },
         passed: &refined.passed,
     };

@@ -3,8 +3,10 @@
 //! A gap or a clipped stretch hides one and the same unknown over its length, not fresh noise in each sample: its density
 //! is the variance of that unknown times the length, so that the integral has the right spread.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
+use super::states::{MOUNT_PITCH, MOUNT_YAW};
+use super::tape::Step;
 use super::transition::Density;
 use crate::epochs::{Epoch, Epochs, gap_density};
 use crate::filter::Setup;
@@ -23,6 +25,26 @@ const EXCESS_RATE: [f64; 2] = [0.35, 0.02];
 pub(crate) const VIBRATION_SPEED: f64 = 25.0;
 const VIBRATION_MOST: f64 = 1.2;
 const VIBRATION_LEAST: f64 = 0.1;
+
+/// The mounting as a pass found it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounting {
+    /// From sensor axes to the car's.
+    pub axes: Matrix3<f64>,
+    /// One sigma of yaw and pitch, rad.
+    pub sd: [f64; 2],
+}
+
+impl Mounting {
+    /// Of a step that has seen the drive.
+    #[must_use]
+    pub fn of(step: &Step) -> Self {
+        Self {
+            axes: step.nominal.mounting(),
+            sd: [MOUNT_YAW, MOUNT_PITCH].map(|s| step.p[(s, s)].max(0.0).sqrt()),
+        }
+    }
+}
 
 /// Samples as the refined filter takes them.
 #[derive(Clone, Debug)]
@@ -77,6 +99,26 @@ impl Inputs {
                 .rate
                 .add_scalar(imu.rate_density.powi(2) + vibration(imu.rate_vibration)),
         }
+    }
+
+    /// What is hidden along one axis shows along the others by the doubt of the mounting.
+    #[must_use]
+    pub fn leaning(mut self, mounting: Option<&Mounting>) -> Self {
+        let Some(Mounting {
+            sd: [yaw, pitch], ..
+        }) = mounting
+        else {
+            return self;
+        };
+        for extra in &mut self.extra {
+            let own = extra.accel;
+            extra.accel += Vector3::new(
+                yaw * yaw * own.y + pitch * pitch * own.z,
+                yaw * yaw * own.x,
+                pitch * pitch * own.x,
+            );
+        }
+        self
     }
 
     /// Turn that gaps and limits hide from the gyros up to the start, about the axis that hides most: one sigma, rad.

@@ -28,6 +28,7 @@ use crate::smooth::posterior::nine;
 use crate::smooth::relinear::Ground;
 use crate::smooth::rts::{Adjoint, cross_covariance};
 use crate::smooth::{Smoother, product};
+use inputs::Mounting;
 use pass::{Given, Passed};
 use states::{BA, Cov, Nominal, Row, SA};
 pub use tuning::Tuning;
@@ -108,6 +109,7 @@ pub fn run(
         rest,
         tuning,
         again: None,
+        mounting: None,
     };
     let mut passed = pass::run(given)?;
     if !rest.found() {
@@ -118,6 +120,10 @@ pub fn run(
             given.again = smoothed_start(&passed).map(|nominal| nominal.nav);
             passed = pass::run(given)?;
         }
+    }
+    if passed.inputs.clipped_s[..3].iter().any(|s| *s > 0.0) {
+        given.mounting = passed.tape.steps.last().map(Mounting::of);
+        passed = pass::run(given)?;
     }
     let ground = Ground {
         given,

@@ -2,7 +2,7 @@
 
 use schema::num::real_u64;
 
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Mounting};
 use super::measure::{self, Scalar, WheelFrame};
 use super::prior;
 use super::states::{Cov, Nominal, SLIP};
@@ -45,6 +45,8 @@ pub struct Given<'a> {
     pub tuning: &'a Tuning,
     /// Motion to start from instead of the first guess.
     pub again: Option<Nav9>,
+    /// Mounting that an earlier pass found (in the drive before the crash), for what a sensor at its limit hides.
+    pub mounting: Option<Mounting>,
 }
 
 /// Tape and account of one pass.
@@ -173,7 +175,7 @@ impl<'a> Runner<'a> {
             given,
             epochs,
             geometry: Geometry::new(&epochs.header.vehicle),
-            inputs: Inputs::new(epochs, setup.motion),
+            inputs: Inputs::new(epochs, setup.motion).leaning(given.mounting.as_ref()),
             nominal: prior::nominal(&given),
             p: prior::covariance(&given),
             linear: Vec::new(),
@@ -251,10 +253,12 @@ impl<'a> Runner<'a> {
             let speed = self.nominal.nav.v_n.v.norm();
             let mut density = self.inputs.density(self.epochs, k, speed);
             density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
+            let known = self.given.mounting.map(|m| m.axes);
+            let mounting = known.unwrap_or_else(|| self.nominal.mounting());
             self.nominal.nav = next;
             self.since_slip_s += epoch.dt;
             self.since_road_m += next.v_n.v.xy().norm() * epoch.dt;
-            Transition::moving(&view, &f_b, &w_b, epoch.dt, &density)
+            Transition::moving(&view, &f_b, &w_b, epoch.dt, &density, &mounting)
         };
         let mut transition = transition.with_slip(tuning.slip_sd, tuning.slip_time_s, epoch.dt);
         if setup

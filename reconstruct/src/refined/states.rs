@@ -7,7 +7,7 @@
 //! correlated rest (as white noise of the same size it counts one fact several times), the track width (a tape measure
 //! and a rolling tyre do not agree to a percent; a wrong entry shows here), and the IMU's place along the car.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::error_model::STATES;
 use crate::filter::corrected;
@@ -112,12 +112,17 @@ impl Nominal {
 
 impl Nominal {
     /// From sensor axes to the car's.
-    fn mounted(&self, v: &Vector3<f64>) -> Vector3<f64> {
+    #[must_use]
+    pub fn mounting(&self) -> Matrix3<f64> {
         exp_so3(&Vector3::new(
             0.0,
             -self.value(MOUNT_PITCH),
             -self.value(MOUNT_YAW),
-        )) * v
+        ))
+    }
+
+    fn mounted(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.mounting() * v
     }
 }
 

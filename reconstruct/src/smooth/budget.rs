@@ -234,7 +234,7 @@ impl<'a> Parts<'a> {
                 accel: positive(accel),
                 rate: positive(rate),
             };
-            Transition::moving(&view, &f_b, &w_b, dt, &density).q
+            Transition::moving(&view, &f_b, &w_b, dt, &density, &from.mounting()).q
         };
         [
             (Cause::AccelNoise, q(sheet[0], zero)),

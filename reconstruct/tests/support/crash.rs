@@ -109,6 +109,7 @@ impl Crash {
             rest: &self.rest,
             tuning: &self.tuning,
             again: None,
+            mounting: None,
         })
         .unwrap()
     }
@@ -124,6 +125,7 @@ pub(crate) fn with<T>(crash: &Crash, test: impl FnOnce(&Ground<'_>) -> T) -> T {
         rest: &crash.rest,
         tuning: &crash.tuning,
         again: None,
+        mounting: None,
     };
     test(&Ground {
         given,
