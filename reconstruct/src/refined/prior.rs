@@ -17,6 +17,9 @@ const REST_PLACE_SD: f64 = 0.005;
 const REST_TILT_SD: f64 = 0.2;
 /// Heading at rest is zero by definition; a number above zero keeps the prior invertible, rad.
 const REST_HEADING_SD: f64 = 1e-6;
+/// The mounting's prior is so many times that of the sheet: the drive tells it to 0.3 degrees, so that a width costs nothing
+/// (coverage and errors of 100 crashes stay), and a sensor mounted off by three sigmas is not held back to two.
+const MOUNTING_WIDER: f64 = 1.5;
 /// Speed of a car of which neither rest nor wheels tell it, m/s.
 const UNKNOWN_SPEED_SD: f64 = 20.0;
 /// Sideways speed of the same after an impact, m/s.
@@ -62,8 +65,8 @@ pub(super) fn covariance(given: &Given<'_>) -> Cov {
     };
     set(CORIOLIS, coriolis);
     set(CORIOLIS + 1, coriolis);
-    set(MOUNT_YAW, imu.mounting_sd[2].max(1e-6));
-    set(MOUNT_PITCH, imu.mounting_sd[1].max(1e-6));
+    set(MOUNT_YAW, MOUNTING_WIDER * imu.mounting_sd[2].max(1e-6));
+    set(MOUNT_PITCH, MOUNTING_WIDER * imu.mounting_sd[1].max(1e-6));
     set(LATENCY, wheels.latency_sd_s.max(1e-6));
     set(SLIP_GRADIENT, given.tuning.slip_gradient[1]);
     set(SLIP, given.tuning.slip_sd);
