@@ -49,7 +49,7 @@ impl Default for Tuning {
             jump_correlation_s: 1.0,
             slip_hold_off_s: 4.0,
             track_sd: 0.02,
-            rate_nonlinearity: 1.2e-3,
+            rate_nonlinearity: 8e-4,
             gate: 10.83,
             patience: 50,
         }

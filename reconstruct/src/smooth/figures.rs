@@ -54,7 +54,7 @@ fn heading(name: &str, stage: usize, nominal: &Nominal) -> Linear {
     }
 }
 
-/// Impact speed, delta-V at the IMU, heading at the first impact; position at -5 s; position and heading at the start of the record. Figures whose
+/// Impact speed, delta-V at the IMU, heading and position at the first impact; position at -5 s; position and heading at the start of the record. Figures whose
 /// epoch the pass did not reach are left out.
 #[must_use]
 pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -> Vec<Linear> {
@@ -86,6 +86,7 @@ pub fn figures(ground: &Ground<'_>, problem: &Problem, trajectory: &[Nominal]) -
             }
         }
         out.push(heading("at impact", before, nominal));
+        out.extend(place("at impact", before, nominal));
     }
     let early = list
         .partition_point(|e| e.t_s <= BEFORE_S + 1e-9)
