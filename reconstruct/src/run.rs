@@ -162,13 +162,7 @@ pub fn from_epochs(
     result.limits = limits::sentences(&result, epochs, motion, facts);
     result.limits.extend(ran.faults);
     result.details.smoother = ran.smoother;
-    match ran.uncertainty {
-        Some(Ok(known)) => known.complete(&mut result),
-        Some(Err(error)) => result.limits.push(format!(
-            "No error budget and no sample paths are given: {error}."
-        )),
-        None => {}
-    }
+    uncertainty::complete(ran.uncertainty, &mut result);
     Ok(result)
 }
 

@@ -50,12 +50,11 @@ pub fn of(
         passed: &refined.passed,
     };
     let own;
-    let batch = match &refined.batch {
-        Some(batch) => batch.as_ref(),
-        None => {
-            own = Batch::about_sweep(&ground)?;
-            &own
-        }
+    let batch = if let Some(batch) = &refined.batch {
+        batch.as_ref()
+    } else {
+        own = Batch::about_sweep(&ground)?;
+        &own
     };
     Ok(Uncertainty {
         budgets: batch.budgets(&ground)?,
@@ -80,9 +79,20 @@ fn paths(batch: &Batch, setup: &Setup<'_>) -> SamplePaths {
     }
 }
 
+/// Puts what is known into a result; says so where nothing is.
+pub fn complete(known: Option<Result<Uncertainty, ReconstructError>>, r: &mut Reconstruction) {
+    match known {
+        Some(Ok(known)) => known.complete(r),
+        Some(Err(error)) => r.limits.push(format!(
+            "No error budget and no sample paths are given: {error}."
+        )),
+        None => {}
+    }
+}
+
 impl Uncertainty {
     /// Puts both into a result, the paths cut to its window.
-    pub fn complete(self, r: &mut Reconstruction) {
+    fn complete(self, r: &mut Reconstruction) {
         let window = r.states.first().zip(r.states.last());
         if let Some((first, last)) = window {
             r.details.paths = self.paths.within(first.t_s, last.t_s);
@@ -104,14 +114,14 @@ impl Uncertainty {
                         _ => None,
                     }
                 });
-                complete(own, beside)
+                beside_states(own, beside)
             })
             .collect();
     }
 }
 
 /// A budget with what the shown figure adds to the states' variance.
-fn complete(own: budget::Budget, shown: Option<(Figure, &'static str)>) -> Budget {
+fn beside_states(own: budget::Budget, shown: Option<(Figure, &'static str)>) -> Budget {
     let (unit, factor) = if own.figure.contains("heading") {
         ("deg", 1_f64.to_degrees())
     } else if own.figure.contains("position") {

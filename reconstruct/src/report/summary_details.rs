@@ -11,6 +11,7 @@ use crate::findings::reaction::{Reaction, Row};
 use crate::findings::rollover::{RollOver, TILT_DEG};
 use crate::findings::{DeltaV, Figure, Reconstruction};
 use crate::report::summary::{bounded, finite};
+use crate::smooth::Smoother;
 
 /// Inserts every detail into the summary.
 pub(crate) fn insert(out: &mut Map<String, Value>, r: &Reconstruction) {
@@ -28,7 +29,7 @@ pub(crate) fn insert(out: &mut Map<String, Value>, r: &Reconstruction) {
     let rest = d.final_rest.as_ref().map_or(Value::Null, final_rest);
     out.insert("final_rest".into(), rest);
     out.insert("events".into(), events(r, d));
-    let smoother = d.smoother.map(|s| s.name());
+    let smoother = d.smoother.map(Smoother::name);
     out.insert("smoother".into(), json!(smoother));
     let budgets: Vec<Value> = d
         .budgets
