@@ -278,7 +278,7 @@ pub(crate) fn budgets(r: &Reconstruction) -> String {
     let mut out = String::from(
         "<p>How much of each figure's variance (the square of its one sigma) comes from which source, everything else left \
          as it is: a source whose share is half would, if it were not there, leave 0.7 of the one sigma. Positions are those \
-         of the sensor as seen from the rest; of a heading measured at the scene they hold nothing.</p>\n",
+         of the sensor as seen from the rest; of a heading measured at the scene they hold nothing.</p>\n<div class=\"budgets\">\n",
     );
     for budget in &r.details.budgets {
         let mut rows = String::new();
@@ -286,7 +286,7 @@ pub(crate) fn budgets(r: &Reconstruction) -> String {
             let share = share.clamp(0.0, 1.0);
             let _ = writeln!(
                 rows,
-                "<tr><th scope=\"row\">{}</th><td>{} %</td><td class=\"bar\"><svg viewBox=\"0 0 100 10\" preserveAspectRatio=\"none\" role=\"img\" aria-label=\"{} %\"><rect x=\"0\" y=\"0\" width=\"{}\" height=\"10\" fill=\"#1f5a96\"/></svg></td></tr>",
+                "<tr><th scope=\"row\">{}</th><td><span>{} %</span><svg viewBox=\"0 0 100 10\" preserveAspectRatio=\"none\" role=\"img\" aria-label=\"{} %\"><rect x=\"0\" y=\"0\" width=\"{}\" height=\"10\" fill=\"#1f5a96\"/></svg></td></tr>",
                 escape(name),
                 fixed(100.0 * share, 0),
                 fixed(100.0 * share, 0),
@@ -303,12 +303,13 @@ pub(crate) fn budgets(r: &Reconstruction) -> String {
             .collect();
         let _ = write!(
             out,
-            "<h3>{}: one sigma {} {}</h3>\n{}",
+            "<div><h3>{}: one sigma {} {}</h3>\n{}</div>\n",
             escape(&name),
             fixed(budget.sd, number::decimals(budget.sd, 1, 4)),
             budget.unit,
-            table("budget", &["Source", "Share of the variance", ""], &rows)
+            table("budget", &["Source", "Share of the variance"], &rows)
         );
     }
+    out.push_str("</div>\n");
     out
 }
