@@ -8,6 +8,7 @@ pub mod inputs;
 pub mod measure;
 pub mod pass;
 mod prior;
+pub(crate) mod running;
 pub mod states;
 pub mod tape;
 pub mod transition;

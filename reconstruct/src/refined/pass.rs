@@ -5,8 +5,9 @@ use schema::num::real_u64;
 use super::inputs::{Inputs, Mounting};
 use super::measure::{self, Scalar, WheelFrame};
 use super::prior;
-use super::states::{Cov, Nominal, SLIP};
-use super::tape::{Linear, Step, Tape};
+use super::running::Running;
+use super::states::SLIP;
+use super::tape::{Step, Tape};
 use super::transition::Transition;
 use super::tuning::Tuning;
 use crate::constraint::Geometry;
@@ -73,9 +74,7 @@ struct Runner<'a> {
     epochs: &'a Epochs,
     geometry: Geometry,
     inputs: Inputs,
-    nominal: Nominal,
-    p: Cov,
-    linear: Vec<Linear>,
+    run: Running,
     wheels: WheelUse,
     refused: [u64; 2],
     offered: [u64; 2],
@@ -84,7 +83,6 @@ struct Runner<'a> {
     since_road_m: f64,
     slip_end_t: f64,
     road_end_t: f64,
-    failed: Option<f64>,
 }
 
 /// Runs the pass.
@@ -97,7 +95,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
     let start_k = setup.start.k;
     let mut stands = rest::stands(epochs, setup.earth.gravity, first_moving_end(&given));
     let mut runner = Runner::new(given);
-    let prior = runner.p;
+    let prior = runner.run.p;
     let mut steps: Vec<Step> = Vec::with_capacity(epochs.list.len());
     let mut wheels_used = vec![false; epochs.list.len()];
     let mut transition = None;
@@ -106,7 +104,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         if k > start_k {
             continue;
         }
-        let from = runner.linear.len();
+        let from = runner.run.linear.len();
         if stands
             .last()
             .is_some_and(|s| k + 1 == s.range.end && !runner.may_stand())
@@ -122,7 +120,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         if k == start_k {
             runner.begin();
         }
-        if let Some(found) = runner.failed {
+        if let Some(found) = runner.run.failed {
             return Err(ReconstructError::Innovation {
                 index: epoch.index,
                 found,
@@ -131,9 +129,9 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         steps.push(Step {
             k,
             transition: transition.take(),
-            measurements: from..runner.linear.len(),
-            nominal: runner.nominal,
-            p: runner.p,
+            measurements: from..runner.run.linear.len(),
+            nominal: runner.run.nominal,
+            p: runner.run.p,
         });
         transition = Some(runner.step(k, epoch, standing.is_some()));
         if let Some(stand) = standing.filter(|s| s.range.start == k) {
@@ -145,7 +143,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         tape: Tape {
             prior,
             steps,
-            linear: runner.linear,
+            linear: runner.run.linear,
         },
         wheels: runner.wheels,
         wheels_used,
@@ -176,9 +174,7 @@ impl<'a> Runner<'a> {
             epochs,
             geometry: Geometry::new(&epochs.header.vehicle),
             inputs: Inputs::new(epochs, setup.motion).leaning(given.mounting.as_ref()),
-            nominal: prior::nominal(&given),
-            p: prior::covariance(&given),
-            linear: Vec::new(),
+            run: Running::new(prior::nominal(&given), prior::covariance(&given)),
             wheels: WheelUse::default(),
             refused: [0; 2],
             offered: [0; 2],
@@ -187,7 +183,6 @@ impl<'a> Runner<'a> {
             since_road_m: 0.0,
             slip_end_t: before(given.tuning.slip_hold_off_s),
             road_end_t: before(setup.road.map_or(4.0, |r| r.hold_off_s)),
-            failed: None,
         }
     }
 
@@ -209,8 +204,8 @@ impl<'a> Runner<'a> {
     /// True if the state allows that the car stands: locked wheels that slide steadily look like a stand to every sensor.
     fn may_stand(&self) -> bool {
         (0..3).all(|axis| {
-            let sd = self.p[(VEL + axis, VEL + axis)].max(0.0).sqrt();
-            self.nominal.nav.v_n.v[axis].abs() < STAND_SPEED + 4.0 * sd
+            let sd = self.run.p[(VEL + axis, VEL + axis)].max(0.0).sqrt();
+            self.run.nominal.nav.v_n.v[axis].abs() < STAND_SPEED + 4.0 * sd
         })
     }
 
@@ -222,8 +217,8 @@ impl<'a> Runner<'a> {
         let quiet =
             (imu.rate_density.powi(2) / seconds + (RATE_BIAS_DRIFT * imu.rate_bias).powi(2)).sqrt();
         for axis in 0..3 {
-            let z = measure::standstill(&self.nominal, axis, REST_SPEED_SD);
-            self.apply(&z, f64::INFINITY);
+            let z = measure::standstill(&self.run.nominal, axis, REST_SPEED_SD);
+            self.run.apply(&z, f64::INFINITY);
         }
         for axis in 0..3 {
             let sd = if axis == 2 {
@@ -231,12 +226,13 @@ impl<'a> Runner<'a> {
             } else {
                 level
             };
-            let z = measure::levelling(&self.nominal, &stand.accel, earth.gravity, axis, sd);
-            self.apply(&z, f64::INFINITY);
+            let z = measure::levelling(&self.run.nominal, &stand.accel, earth.gravity, axis, sd);
+            self.run.apply(&z, f64::INFINITY);
         }
         for axis in 0..3 {
-            let rate = self.nominal.rate(&stand.rate, &earth).v[axis];
-            self.apply(&measure::rest_rate(rate, axis, quiet), f64::INFINITY);
+            let rate = self.run.nominal.rate(&stand.rate, &earth).v[axis];
+            self.run
+                .apply(&measure::rest_rate(rate, axis, quiet), f64::INFINITY);
         }
     }
 
@@ -247,15 +243,15 @@ impl<'a> Runner<'a> {
         let transition = if standing {
             Transition::standing(STAND_ANGLE_SD * epoch.dt.sqrt())
         } else {
-            let f_b = self.nominal.moving_force(&self.inputs.accel[k]);
-            let w_b = self.nominal.rate(&self.inputs.rate[k], &setup.earth);
-            let (next, view) = backward(&self.nominal.nav, f_b, w_b, epoch.dt, &setup.earth);
-            let speed = self.nominal.nav.v_n.v.norm();
+            let f_b = self.run.nominal.moving_force(&self.inputs.accel[k]);
+            let w_b = self.run.nominal.rate(&self.inputs.rate[k], &setup.earth);
+            let (next, view) = backward(&self.run.nominal.nav, f_b, w_b, epoch.dt, &setup.earth);
+            let speed = self.run.nominal.nav.v_n.v.norm();
             let mut density = self.inputs.density(self.epochs, k, speed);
             density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
             let known = self.given.mounting.map(|m| m.axes);
-            let mounting = known.unwrap_or_else(|| self.nominal.mounting());
-            self.nominal.nav = next;
+            let mounting = known.unwrap_or_else(|| self.run.nominal.mounting());
+            self.run.nominal.nav = next;
             self.since_slip_s += epoch.dt;
             self.since_road_m += next.v_n.v.xy().norm() * epoch.dt;
             Transition::moving(&view, &f_b, &w_b, epoch.dt, &density, &mounting)
@@ -271,8 +267,8 @@ impl<'a> Runner<'a> {
             transition =
                 transition.with_jump([imu.accel_bias_jump.powi(2), imu.rate_bias_jump.powi(2)]);
         }
-        transition.predict(&mut self.p);
-        self.nominal.cal[SLIP - STATES] *= (-epoch.dt / tuning.slip_time_s).exp();
+        transition.predict(&mut self.run.p);
+        self.run.nominal.cal[SLIP - STATES] *= (-epoch.dt / tuning.slip_time_s).exp();
         transition
     }
 
@@ -282,12 +278,13 @@ impl<'a> Runner<'a> {
         let tuning = self.given.tuning;
         let motion = self.given.setup.motion;
         let speed = self
+            .run
             .nominal
             .nav
             .c_nb
             .m
             .column(0)
-            .dot(&self.nominal.nav.v_n.v);
+            .dot(&self.run.nominal.nav.v_n.v);
         if epoch.t_s <= self.slip_end_t
             && self.since_slip_s >= tuning.slip_interval_s - 1e-9
             && speed > 1.0
@@ -312,7 +309,7 @@ impl<'a> Runner<'a> {
         let tuning = self.given.tuning;
         let mut used = false;
         let cutoff = sheet.cutoff_mps.max(header.wheel_scale.step);
-        let moving = self.nominal.nav.v_n.v.norm() > 2.0 * cutoff + 1.0;
+        let moving = self.run.nominal.nav.v_n.v.norm() > 2.0 * cutoff + 1.0;
         for side in 0..2 {
             let Some(speed) = epoch.wheels[side] else {
                 continue;
@@ -338,6 +335,7 @@ impl<'a> Runner<'a> {
                 variance += (BENT_SHARE * speed).powi(2) * widened;
             }
             let rate = self
+                .run
                 .nominal
                 .rate(&self.inputs.rate[k], &self.given.setup.earth)
                 .v;
@@ -348,8 +346,8 @@ impl<'a> Runner<'a> {
                 accel: motion.smooth[k].x,
                 variance,
             };
-            let z = measure::wheel(&self.nominal, &rate, &self.geometry, &frame);
-            if self.apply(&z, tuning.gate) {
+            let z = measure::wheel(&self.run.nominal, &rate, &self.geometry, &frame);
+            if self.run.apply(&z, tuning.gate) {
                 self.refused_in_row[side] = 0;
                 self.wheels.used += 1;
                 used = true;
@@ -367,7 +365,7 @@ impl<'a> Runner<'a> {
                     r: z.r + z.residual * z.residual,
                     ..z
                 };
-                used |= self.apply(&wide, f64::INFINITY);
+                used |= self.run.apply(&wide, f64::INFINITY);
             }
         }
         used
@@ -376,24 +374,25 @@ impl<'a> Runner<'a> {
     fn measure_slip(&mut self, k: usize, speed: f64) {
         let tuning = self.given.tuning;
         let rate = self
+            .run
             .nominal
             .rate(&self.inputs.rate[k], &self.given.setup.earth)
             .v;
         let lateral = self.given.setup.motion.smooth[k].y;
         let z = measure::side_slip(
-            &self.nominal,
+            &self.run.nominal,
             &rate,
             &self.geometry,
             lateral,
             tuning.slip_white_mps,
         );
-        self.apply(&z, 2.0 * tuning.gate);
+        self.run.apply(&z, 2.0 * tuning.gate);
         let widened = (2.0 * tuning.jump_correlation_s / tuning.slip_interval_s)
             .max(1.0)
             .sqrt();
         let sd = (tuning.jump[0] * speed + tuning.jump[1]) * widened;
-        let z = measure::no_jump(&self.nominal, &rate, &self.geometry, sd);
-        self.apply(&z, 2.0 * tuning.gate);
+        let z = measure::no_jump(&self.run.nominal, &rate, &self.geometry, sd);
+        self.run.apply(&z, 2.0 * tuning.gate);
     }
 
     /// Bank and grade: one prior each half correlation length, widened so that a whole length counts as one
@@ -413,38 +412,13 @@ impl<'a> Runner<'a> {
         let pitch = (0.5 * road.pitch_deg).to_radians().powi(2) + mounting[1].powi(2) + spring(a.x);
         let gate = self.given.tuning.gate;
         let z = measure::road(
-            &self.nominal,
+            &self.run.nominal,
             0,
             road.roll_mean_deg.to_radians(),
             (roll * widened).sqrt(),
         );
-        self.apply(&z, gate);
-        let z = measure::road(&self.nominal, 1, 0.0, (pitch * widened).sqrt());
-        self.apply(&z, gate);
-    }
-
-    /// The update, taken down on the tape.
-    fn apply(&mut self, z: &Scalar, gate: f64) -> bool {
-        let ph = self.p * z.h;
-        let s = z.h.dot(&ph) + z.r;
-        if !(s > 0.0 && s.is_finite() && z.residual.is_finite()) {
-            self.failed = Some(s);
-            return false;
-        }
-        if z.residual * z.residual > gate * s {
-            return false;
-        }
-        let gain = ph / s;
-        self.p.ger(-1.0, &gain, &ph, 1.0);
-        self.nominal = self.nominal.corrected(&(gain * z.residual));
-        self.linear.push(Linear {
-            source: z.source,
-            h: z.h,
-            residual: z.residual,
-            r: z.r,
-            s,
-            gain,
-        });
-        true
+        self.run.apply(&z, gate);
+        let z = measure::road(&self.run.nominal, 1, 0.0, (pitch * widened).sqrt());
+        self.run.apply(&z, gate);
     }
 }
