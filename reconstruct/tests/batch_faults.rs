@@ -68,12 +68,13 @@ fn both_smoothers_give_the_same_kind_of_answer() {
             }
         }
         let worst = crash::with(&crash, |ground| {
-            let [about, solved] = [Batch::about_sweep(ground), solve(ground)].map(Result::unwrap);
-            let [about, solved] = [about, solved].map(|batch| {
+            let spreads = |batch: &Batch| {
                 let mut list = Vec::new();
                 batch.factor.covariances(|_, p| list.push(p.diagonal()));
                 list
-            });
+            };
+            let about = spreads(&Batch::about_sweep(ground).unwrap());
+            let solved = spreads(&solve(ground).unwrap());
             let pairs = about.iter().zip(&solved);
             let ratios = pairs.map(|(a, b)| b.component_div(a).map(|r| (r.sqrt() - 1.0).abs()));
             ratios.fold(0.0_f64, |worst, r| worst.max(r.max()))
