@@ -14,6 +14,7 @@ pub mod filter;
 pub mod findings;
 pub mod frame;
 pub mod funnel;
+pub mod gnss;
 pub mod kalman;
 pub mod map;
 pub mod matrix;
@@ -32,5 +33,6 @@ pub mod start;
 pub mod stats;
 pub mod trajectory;
 pub mod validate;
+pub mod wgs84;
 
 pub use error::ReconstructError;

@@ -117,17 +117,31 @@ pub fn backward(
     )
 }
 
-/// One step forwards: from the start of a sample to its end. The mirror of [`backward`]; used by tests and by
-/// the published comparison.
+/// One step forwards: from the start of a sample to its end. The mirror of [`backward`].
 #[must_use]
-pub fn forward(state: &Nav9, f_b: Vec3<Body>, w_b: Vec3<Body>, dt: f64, earth: &Earth) -> Nav9 {
+pub fn forward(
+    state: &Nav9,
+    f_b: Vec3<Body>,
+    w_b: Vec3<Body>,
+    dt: f64,
+    earth: &Earth,
+) -> (Nav9, StepView) {
     let half = state.c_nb.turned(w_b.scale(0.5 * dt));
-    let a_n = half.apply(f_b) + earth.pull(state.v_n);
-    Nav9 {
+    let f_n = half.apply(f_b);
+    let a_n = f_n + earth.pull(state.v_n);
+    let next = Nav9 {
         r_n: state.r_n + state.v_n.scale(dt) + a_n.scale(0.5 * dt * dt),
         v_n: state.v_n + a_n.scale(dt),
         c_nb: half.turned(w_b.scale(0.5 * dt)),
-    }
+    };
+    (
+        next,
+        StepView {
+            c_mid: half,
+            f_n,
+            a_n,
+        },
+    )
 }
 
 /// Acceleration free of gravity in body axes, m/s^2.
@@ -158,7 +172,7 @@ mod tests {
         };
         for k in 0..4000 {
             let (f, w) = input(k);
-            state = forward(&state, f, w, 0.01, &earth);
+            state = forward(&state, f, w, 0.01, &earth).0;
         }
         for k in (0..4000).rev() {
             let (f, w) = input(k);

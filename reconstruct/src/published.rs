@@ -279,8 +279,8 @@ mod tests {
         let dt = 1e-4;
         let w = Vec3::<Body>::from(*w);
         let after = (
-            forward(&truth, f, w, dt, &earth),
-            forward(&hat, f, w, dt, &earth),
+            forward(&truth, f, w, dt, &earth).0,
+            forward(&hat, f, w, dt, &earth).0,
         );
         let c = after.0.c_nb.m.transpose();
         let dv = c * (after.1.v_n - after.0.v_n).v;

@@ -102,7 +102,7 @@ fn continuous_model_meets_finite_differences() {
         c_nb: c,
     };
     let dt = 1e-5;
-    let after = forward(&truth, Vec3::from(f_b), Vec3::from(w_b), dt, &earth);
+    let after = forward(&truth, Vec3::from(f_b), Vec3::from(w_b), dt, &earth).0;
     let difference = |hat: &Nav9, now: &Nav9| -> SVector<f64, STATES> {
         let e = hat.c_nb.m * now.c_nb.m.transpose();
         let psi = Vector3::new(
@@ -126,7 +126,7 @@ fn continuous_model_meets_finite_differences() {
             v_n: truth.v_n + Vec3::new(x[3], x[4], x[5]),
             c_nb: Rot::from_matrix(exp_so3(&-Vector3::new(x[6], x[7], x[8])) * truth.c_nb.m),
         };
-        let hat = forward(&hat, Vec3::from(f_b), Vec3::from(w_b), dt, &earth);
+        let hat = forward(&hat, Vec3::from(f_b), Vec3::from(w_b), dt, &earth).0;
         let found = (difference(&hat, &after) - difference_start(s, small)) / dt / small;
         let want = f.column(s);
         assert!((found - want).norm() < 5e-3, "state {s}: {found} {want}");
@@ -138,7 +138,8 @@ fn continuous_model_meets_finite_differences() {
             Vec3::from(w_b + dw * small),
             dt,
             &earth,
-        );
+        )
+        .0;
         let mut found = difference(&hat, &after) / dt / small;
         found.fixed_rows_mut::<3>(POS).fill(0.0);
         let want = b.column(j);

@@ -98,6 +98,27 @@ pub fn wheel(
     }
 }
 
+/// Speed of the rear axle's middle along the car's forward axis from a source without scale error. m/s.
+#[must_use]
+pub fn forward_speed(
+    nominal: &Nominal,
+    rate: &Vector3<f64>,
+    geometry: &Geometry,
+    speed: f64,
+    sd: f64,
+) -> Scalar {
+    let (vx, h9) = velocity_along(&nominal.nav, 0);
+    let imu = &geometry.imu;
+    let mut h = widen(&h9);
+    by_rate(&mut h, rate, &Vector3::new(0.0, -imu.z, imu.y), 1.0);
+    Scalar {
+        source: Source::Wheel,
+        residual: vx - rate.y * imu.z + rate.z * imu.y - speed,
+        h,
+        r: sd * sd,
+    }
+}
+
 /// The rear axle moves sideways by its sideslip alone: a part that grows with the lateral acceleration `lateral`
 /// (m/s^2), outwards, and a correlated one. `sd` in m/s.
 #[must_use]

@@ -174,7 +174,7 @@ impl<'a> Runner<'a> {
             epochs,
             geometry: Geometry::new(&epochs.header.vehicle),
             inputs: Inputs::new(epochs, setup.motion).leaning(given.mounting.as_ref()),
-            run: Running::new(prior::nominal(&given), prior::covariance(&given)),
+            run: Running::new(&prior::nominal(&given), &prior::covariance(&given)),
             wheels: WheelUse::default(),
             refused: [0; 2],
             offered: [0; 2],

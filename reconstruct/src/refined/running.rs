@@ -19,10 +19,10 @@ pub(crate) struct Running {
 
 impl Running {
     /// Before the first measurement.
-    pub(crate) fn new(nominal: Nominal, p: Cov) -> Self {
+    pub(crate) fn new(nominal: &Nominal, p: &Cov) -> Self {
         Self {
-            nominal,
-            p,
+            nominal: *nominal,
+            p: *p,
             linear: Vec::new(),
             failed: None,
         }

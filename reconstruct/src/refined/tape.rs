@@ -31,6 +31,8 @@ pub enum Source {
     Jump,
     /// Road limits.
     Road,
+    /// A satellite fix: place or velocity.
+    Fix,
 }
 
 /// One scalar measurement as the filter used it.

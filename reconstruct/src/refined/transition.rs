@@ -95,6 +95,21 @@ impl Transition {
         }
     }
 
+    /// The same forwards in time. `F` is nilpotent, so the step is that with the opposite sign of `h`, and so is van Loan's
+    /// integral, less its own sign.
+    #[must_use]
+    pub fn ahead(
+        view: &StepView,
+        f_b: &Vec3<Body>,
+        w_b: &Vec3<Body>,
+        h: f64,
+        density: &Density,
+        mounting: &Matrix3<f64>,
+    ) -> Self {
+        let step = Self::moving(view, f_b, w_b, -h, density, mounting);
+        Self { q: -step.q, ..step }
+    }
+
     /// A step in which nothing moves: every state stays, the angles are unsure by `angle_sd` (the springs).
     #[must_use]
     pub fn standing(angle_sd: f64) -> Self {
@@ -356,7 +371,7 @@ mod tests {
             .copy_from(&spread(&density.accel));
         w.view_mut((ATT, ATT), (3, 3))
             .copy_from(&spread(&density.rate));
-        let (phi, q) = van_loan(&-f, &w, h).unwrap();
+        let (phi, q) = van_loan(&-&f, &w, h).unwrap();
         for j in 0..DIM {
             let mut e = Row::zeros();
             e[j] = 1.0;
@@ -369,6 +384,18 @@ mod tests {
         }
         let top = q.view((0, 0), (9, 9));
         assert!((top - step.q).norm() < 1e-15 + 1e-12 * step.q.norm());
+        let ahead = Transition::ahead(&view, &f_b, &w_b, h, &density, &Matrix3::identity());
+        let (phi, q) = van_loan(&f, &w, h).unwrap();
+        for j in 0..DIM {
+            let mut e = Row::zeros();
+            e[j] = 1.0;
+            let column = ahead.apply(&e);
+            for i in 0..DIM {
+                assert!((column[i] - phi[(i, j)]).abs() < 1e-13, "{i} {j} ahead");
+            }
+        }
+        let top = q.view((0, 0), (9, 9));
+        assert!((top - ahead.q).norm() < 1e-15 + 1e-12 * ahead.q.norm());
     }
 
     #[test]

@@ -14,6 +14,7 @@
 //! together: the sample covers the 10 ms that end at the row's time.
 
 mod can;
+pub mod city;
 mod class;
 mod config;
 mod draw;

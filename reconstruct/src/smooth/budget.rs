@@ -67,6 +67,8 @@ pub enum Cause {
     NoJump,
     /// Road limits.
     RoadLimits,
+    /// Satellite fixes.
+    Fixes,
     /// Levelling at rest: noise of the mean, gravity.
     Levelling,
     /// Rest: springs, velocity, rate.
@@ -77,7 +79,7 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::AccelNoise,
         Self::AccelVibration,
         Self::AccelBias,
@@ -98,6 +100,7 @@ impl Cause {
         Self::SideSlip,
         Self::NoJump,
         Self::RoadLimits,
+        Self::Fixes,
         Self::Levelling,
         Self::Rest,
         Self::Start,
@@ -127,6 +130,7 @@ impl Cause {
             Self::SideSlip => "sideslip",
             Self::NoJump => "no jump",
             Self::RoadLimits => "road limits",
+            Self::Fixes => "satellite fixes",
             Self::Levelling => "levelling",
             Self::Rest => "rest",
             Self::Start => "start",
@@ -358,6 +362,7 @@ fn measured(account: &mut Account, ground: &Ground<'_>, row: &Measured, variance
         Source::SideSlip => Cause::SideSlip,
         Source::Jump => Cause::NoJump,
         Source::Road => Cause::RoadLimits,
+        Source::Fix => Cause::Fixes,
         Source::Wheel => {
             let header = &ground.given.setup.reversed.forward().header;
             let share = (header.wheel_scale.step.powi(2) / 12.0 / row.r).min(1.0);

@@ -151,7 +151,7 @@ impl Ground<'_> {
         let geometry = Geometry::new(&epochs.header.vehicle);
         let rate = || n.rate(&self.passed.inputs.rate[k], &setup.earth).v;
         let scalar = match z.source {
-            Source::Rest | Source::RestRate => return None,
+            Source::Rest | Source::RestRate | Source::Fix => return None,
             Source::Levelling => {
                 let accel = self.stand_accel(k)?;
                 measure::levelling(n, &accel, setup.earth.gravity, axis, 1.0)

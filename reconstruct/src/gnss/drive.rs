@@ -1,0 +1,152 @@
+//! A drive as our filter takes it: inertial periods in the car's axes, fixes at the instants they were true.
+
+use nalgebra::{Matrix3, Vector3};
+use schema::num::real;
+
+use super::GnssError;
+use crate::wgs84::Geodetic;
+
+/// One period of the inertial sensors, the car's axes (as far as the mounting is known).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Period {
+    /// End of the period, s of the box's clock.
+    pub t_s: f64,
+    /// Length, s.
+    pub dt: f64,
+    /// Mean specific force, m/s^2.
+    pub accel: Vector3<f64>,
+    /// Mean rate relative to inertial space, rad/s.
+    pub rate: Vector3<f64>,
+    /// False where no sample was recorded and the last one was held.
+    pub measured: bool,
+}
+
+/// A satellite fix at the instant it was true.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fixed {
+    /// s of the box's clock, the receiver's delay taken off.
+    pub t_s: f64,
+    /// Antenna.
+    pub place: Geodetic,
+    /// One sigma north, east, down, m.
+    pub place_sd: Vector3<f64>,
+    /// Velocity north, east, down, m/s; `None` where the receiver gave none.
+    pub v_n: Option<Vector3<f64>>,
+    /// One sigma of it, m/s.
+    pub v_sd: Vector3<f64>,
+}
+
+/// Speed of the car from elsewhere (a wheel, a reference), m/s along its forward axis at the rear axle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Speed {
+    /// s of the box's clock.
+    pub t_s: f64,
+    /// m/s.
+    pub speed: f64,
+    /// One sigma, m/s.
+    pub sd: f64,
+}
+
+/// A drive.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Drive {
+    /// Periods without a hole, in order: each ends where the next begins.
+    pub periods: Vec<Period>,
+    /// Fixes in order of time.
+    pub fixes: Vec<Fixed>,
+    /// Speeds in order of time; empty where there are none.
+    pub speeds: Vec<Speed>,
+}
+
+/// Longest hole bridged by holding the last sample, s: after that the drive ends, and what follows is another one.
+const LONGEST_HOLE_S: f64 = 5.0;
+
+/// What the sensors put out at one stamp, their own axes: stamp in s, specific force in m/s^2, rate in rad/s.
+pub type Stamped = (f64, Vector3<f64>, Vector3<f64>);
+
+impl Drive {
+    /// From stamped samples in order of time, turned from the sensors' axes by `c_bs`. Samples stand for the period that
+    /// ends with their stamp; the nominal period is the median. A hole is filled with periods that hold the sample before
+    /// it and are marked.
+    ///
+    /// # Errors
+    /// [`GnssError::Drive`] for fewer than two samples, stamps that do not rise, or a hole beyond 5 s.
+    pub fn new(
+        samples: &[Stamped],
+        c_bs: &Matrix3<f64>,
+        fixes: Vec<Fixed>,
+        speeds: Vec<Speed>,
+    ) -> Result<Self, GnssError> {
+        let fail = |what: String| GnssError::Drive { what };
+        let mut gaps: Vec<f64> = samples.windows(2).map(|w| w[1].0 - w[0].0).collect();
+        if gaps.is_empty() {
+            return Err(fail(format!(
+                "expected at least two inertial samples, found {}",
+                samples.len()
+            )));
+        }
+        if let Some(at) = gaps.iter().position(|g| !(*g > 0.0 && g.is_finite())) {
+            return Err(fail(format!(
+                "inertial sample {}: expected a stamp after {} s, found {} s",
+                at + 2,
+                samples[at].0,
+                samples[at + 1].0
+            )));
+        }
+        gaps.sort_by(f64::total_cmp);
+        let period = gaps[gaps.len() / 2];
+        let mut periods: Vec<Period> = Vec::with_capacity(samples.len());
+        let mut last = samples[0].0 - period;
+        for (t_s, accel, rate) in samples {
+            let gap = t_s - last;
+            if gap > LONGEST_HOLE_S {
+                return Err(fail(format!(
+                    "no inertial sample for {gap:.1} s before {t_s} s: expected at most {LONGEST_HOLE_S} s in one drive"
+                )));
+            }
+            if gap > 1.6 * period
+                && let Some(held) = periods.last().copied()
+            {
+                let count = schema::num::round_usize(gap / period) - 1;
+                let share = gap / real(count + 1);
+                for i in 1..=count {
+                    periods.push(Period {
+                        t_s: last + share * real(i),
+                        dt: share,
+                        measured: false,
+                        ..held
+                    });
+                }
+                last = t_s - share;
+            }
+            periods.push(Period {
+                t_s: *t_s,
+                dt: t_s - last,
+                accel: c_bs * accel,
+                rate: c_bs * rate,
+                measured: true,
+            });
+            last = *t_s;
+        }
+        Ok(Self {
+            periods,
+            fixes,
+            speeds,
+        })
+    }
+
+    /// The same with every fix dropped but one each `seconds` from the first on.
+    #[must_use]
+    pub fn thinned(&self, seconds: f64) -> Self {
+        let mut next = f64::NEG_INFINITY;
+        let mut out = self.clone();
+        out.fixes.retain(|fix| {
+            let keep = fix.t_s >= next - 1e-6;
+            if keep {
+                next = fix.t_s.max(next) + seconds;
+            }
+            keep
+        });
+        out
+    }
+}

@@ -1,0 +1,529 @@
+//! Our filter over fixes and inertial periods: the refined model's states, rows and steps, forwards in time on WGS 84.
+//!
+//! The motion is kept in the local north-east-down axes of an anchor that travels with the car: after every step the
+//! anchor is moved to the car and the axes turn to it, so that Earth rate, transport rate and Coriolis are exact. Satellite
+//! errors change slowly; each fix counts as the share of an independent fact that its distance from the last one gives.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::GnssError;
+use super::drive::{Drive, Fixed};
+use super::sheet::Sheet;
+use crate::constraint::Geometry;
+use crate::error_model::STATES;
+use crate::error_model::{ATT, POS, VEL};
+use crate::frame::{Rot, Vec3, skew};
+use crate::mechanize::{Earth, Nav9, forward};
+use crate::refined::measure::{self, Scalar};
+use crate::refined::running::Running;
+use crate::refined::states::{
+    BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, Row, SA, SG, SLIP, SLIP_GRADIENT,
+};
+use crate::refined::tape::{Source, Step, Tape};
+use crate::refined::transition::{Density, Transition};
+use crate::wgs84::Geodetic;
+
+/// Gate of one innovation: chi-square with one degree.
+const GATE: f64 = 13.8;
+/// Refusals of a position in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
+const PATIENCE: u32 = 3;
+/// Standstill, one sigma of one use, m/s.
+const STAND_SPEED_SD: f64 = 0.01;
+/// Time between two uses of standstill, s.
+const STAND_INTERVAL_S: f64 = 0.2;
+/// Springs of a standing car, rad/sqrt(s).
+const STAND_ANGLE_SD: f64 = 2e-4;
+/// Mean of a level accelerometer at rest beside its noise, m/s^2.
+const LEVEL_SD: f64 = 0.005;
+/// A car that the state says is faster than this beside its spread does not stand, m/s.
+const STAND_SPEED: f64 = 1.0;
+
+/// Where the filter starts: the state at the end of the period `first`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Index of the period.
+    pub first: usize,
+    /// Place.
+    pub place: Geodetic,
+    /// One sigma of it, north, east, down, m.
+    pub place_sd: Vector3<f64>,
+    /// Velocity, m/s.
+    pub v_n: Vector3<f64>,
+    /// One sigma, m/s.
+    pub v_sd: Vector3<f64>,
+    /// Roll, pitch, heading, rad.
+    pub angles: [f64; 3],
+    /// One sigma of each, rad.
+    pub angles_sd: [f64; 3],
+    /// Gyro bias in the axes of the periods, rad/s, and one sigma; `None`: zero within the sheet.
+    pub rate_bias: Option<(Vector3<f64>, f64)>,
+}
+
+/// The state at the end of one period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// s.
+    pub t_s: f64,
+    /// Place of the sensor.
+    pub place: Geodetic,
+    /// Velocity north, east, down, m/s.
+    pub v_n: Vector3<f64>,
+    /// Roll, pitch, heading, rad.
+    pub angles: [f64; 3],
+    /// Covariance of place, velocity and platform angles in the axes here.
+    pub p: nalgebra::SMatrix<f64, STATES, STATES>,
+    /// The car was taken to stand.
+    pub standing: bool,
+    /// A fix was used here.
+    pub fixed: bool,
+}
+
+/// What became of the fixes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FixUse {
+    /// Fixes within the drive.
+    pub offered: u64,
+    /// Positions used.
+    pub used: u64,
+    /// Positions refused by their innovation.
+    pub refused: u64,
+    /// Positions taken in with wide noise after refusals in a row.
+    pub forced: u64,
+}
+
+/// A finished pass.
+#[derive(Clone, Debug)]
+pub struct Passed {
+    /// First period of the pass.
+    pub first: usize,
+    /// The linear problem, for the smoother.
+    pub tape: Tape,
+    /// Anchor of each step's axes.
+    pub anchors: Vec<Geodetic>,
+    /// The filter's own answer, one entry a period from `first` on.
+    pub estimates: Vec<Estimate>,
+    /// Fixes.
+    pub fixes: FixUse,
+}
+
+struct Runner<'a> {
+    drive: &'a Drive,
+    sheet: &'a Sheet,
+    geometry: Geometry,
+    run: Running,
+    anchor: Geodetic,
+    earth: Earth,
+    last_fix_t: Option<f64>,
+    refused: u32,
+    inflate: f64,
+    since_slip_s: f64,
+    since_stand_s: f64,
+    stood_s: f64,
+    use_of: FixUse,
+}
+
+/// Runs the filter from `start` to the end of the drive. `standing` has one entry a period ([`super::stop`]).
+///
+/// # Errors
+/// [`GnssError::Drive`] where the start is not in the drive; [`GnssError::Numeric`] where the arithmetic fails.
+pub fn run(
+    drive: &Drive,
+    standing: &[bool],
+    sheet: &Sheet,
+    start: &Start,
+) -> Result<Passed, GnssError> {
+    if start.first >= drive.periods.len() || standing.len() != drive.periods.len() {
+        return Err(GnssError::Drive {
+            what: format!(
+                "start: expected a period below {}, found {}",
+                drive.periods.len().min(standing.len()),
+                start.first
+            ),
+        });
+    }
+    let mut runner = Runner::new(drive, sheet, start);
+    let prior = runner.run.p;
+    let count = drive.periods.len() - start.first;
+    let (mut steps, mut anchors, mut estimates) = (
+        Vec::with_capacity(count),
+        Vec::with_capacity(count),
+        Vec::with_capacity(count),
+    );
+    let t_start = drive.periods[start.first].t_s;
+    let mut next_fix = drive.fixes.partition_point(|f| f.t_s <= t_start);
+    let mut next_speed = drive.speeds.partition_point(|s| s.t_s <= t_start);
+    let list = drive.periods.iter().zip(standing).enumerate();
+    for (k, (period, still)) in list.skip(start.first) {
+        let stands = *still && (k == start.first || runner.may_stand());
+        let transition = (k > start.first).then(|| runner.step(k, stands));
+        let from = runner.run.linear.len();
+        let before = runner.use_of.used + runner.use_of.forced;
+        while let Some(fix) = drive.fixes.get(next_fix).filter(|f| f.t_s <= period.t_s) {
+            runner.fix(fix, period.t_s);
+            next_fix += 1;
+        }
+        while let Some(speed) = drive.speeds.get(next_speed).filter(|s| s.t_s <= period.t_s) {
+            runner.speed(k, speed.speed, speed.sd);
+            next_speed += 1;
+        }
+        runner.constrain(k, stands);
+        if let Some(found) = runner.run.failed {
+            return Err(GnssError::Numeric {
+                t_s: period.t_s,
+                what: format!("innovation variance: expected a positive number, found {found}"),
+            });
+        }
+        let fixed = runner.use_of.used + runner.use_of.forced > before;
+        estimates.push(estimate(
+            period.t_s,
+            &runner.anchor,
+            &runner.run.nominal,
+            &runner.run.p.fixed_view::<STATES, STATES>(0, 0).into_owned(),
+            stands,
+            fixed,
+        ));
+        steps.push(Step {
+            k,
+            transition,
+            measurements: from..runner.run.linear.len(),
+            nominal: runner.run.nominal,
+            p: runner.run.p,
+        });
+        anchors.push(runner.anchor);
+    }
+    Ok(Passed {
+        first: start.first,
+        tape: Tape {
+            prior,
+            steps,
+            linear: runner.run.linear,
+        },
+        anchors,
+        estimates,
+        fixes: runner.use_of,
+    })
+}
+
+/// The state in geodetic terms.
+pub(super) fn estimate(
+    t_s: f64,
+    anchor: &Geodetic,
+    nominal: &Nominal,
+    p: &nalgebra::SMatrix<f64, STATES, STATES>,
+    standing: bool,
+    fixed: bool,
+) -> Estimate {
+    let (roll, pitch, heading) = nominal.nav.c_nb.euler();
+    Estimate {
+        t_s,
+        place: anchor.moved(&nominal.nav.r_n.v),
+        v_n: nominal.nav.v_n.v,
+        angles: [roll, pitch, heading.rem_euclid(std::f64::consts::TAU)],
+        p: *p,
+        standing,
+        fixed,
+    }
+}
+
+impl<'a> Runner<'a> {
+    fn new(drive: &'a Drive, sheet: &'a Sheet, start: &Start) -> Self {
+        let [roll, pitch, heading] = start.angles;
+        let mut cal = nalgebra::SVector::<f64, PARAMS>::zeros();
+        cal[SLIP_GRADIENT - STATES] = sheet.tuning.slip_gradient[0];
+        if let Some((bias, _)) = start.rate_bias {
+            cal.fixed_rows_mut::<3>(BG - STATES).copy_from(&bias);
+        }
+        let nominal = Nominal {
+            nav: Nav9 {
+                r_n: Vec3::zero(),
+                v_n: Vec3::from(start.v_n),
+                c_nb: Rot::from_euler(roll, pitch, heading),
+            },
+            cal,
+        };
+        Self {
+            drive,
+            sheet,
+            geometry: sheet.geometry,
+            run: Running::new(&nominal, &prior(sheet, start, &nominal)),
+            anchor: start.place,
+            earth: Earth::at(start.place.latitude, 0.0),
+            last_fix_t: None,
+            refused: 0,
+            inflate: 1.0,
+            since_slip_s: 0.0,
+            since_stand_s: 0.0,
+            stood_s: 0.0,
+            use_of: FixUse::default(),
+        }
+    }
+
+    /// Locked wheels or a smooth road may look like a stand: the state must allow it.
+    fn may_stand(&self) -> bool {
+        let v = &self.run.nominal.nav.v_n.v;
+        let sd = (self.run.p[(VEL, VEL)] + self.run.p[(VEL + 1, VEL + 1)])
+            .max(0.0)
+            .sqrt();
+        v.xy().norm() < STAND_SPEED + 4.0 * sd
+    }
+
+    /// From the start of period `k` to its end.
+    fn step(&mut self, k: usize, stands: bool) -> Transition {
+        let period = &self.drive.periods[k];
+        let tuning = &self.sheet.tuning;
+        let transition = if stands {
+            Transition::standing(STAND_ANGLE_SD * period.dt.sqrt())
+        } else {
+            let nominal = &self.run.nominal;
+            let f_b = nominal.moving_force(&period.accel);
+            let w_b = nominal.rate(&period.rate, &self.earth);
+            let (next, view) = forward(&nominal.nav, f_b, w_b, period.dt, &self.earth);
+            let mut density = self.density(period.measured);
+            density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
+            let mounting = nominal.mounting();
+            self.run.nominal.nav = next;
+            self.since_slip_s += period.dt;
+            Transition::ahead(&view, &f_b, &w_b, period.dt, &density, &mounting)
+        };
+        let drift = [
+            self.sheet.accel_drift.powi(2) * period.dt,
+            self.sheet.rate_drift.powi(2) * period.dt,
+        ];
+        let transition = transition
+            .with_slip(tuning.slip_sd, tuning.slip_time_s, period.dt)
+            .with_jump(drift);
+        transition.predict(&mut self.run.p);
+        self.run.nominal.cal[SLIP - STATES] *= transition.decay();
+        self.travel();
+        transition
+    }
+
+    /// Moves the anchor to the car; the axes turn with it.
+    fn travel(&mut self) {
+        let nav = &mut self.run.nominal.nav;
+        let here = self.anchor.moved(&nav.r_n.v);
+        let turn = here.turn_from(&self.anchor);
+        *nav = Nav9 {
+            r_n: Vec3::zero(),
+            v_n: Vec3::from(turn * nav.v_n.v),
+            c_nb: Rot::from_matrix(turn * nav.c_nb.m),
+        };
+        self.anchor = here;
+        self.earth = Earth::at(here.latitude, 0.0);
+    }
+
+    fn density(&self, measured: bool) -> Density {
+        let sheet = self.sheet;
+        let square = |v: &Vector3<f64>| v.component_mul(v);
+        let mut out = Density {
+            accel: square(&sheet.accel_density),
+            rate: square(&sheet.rate_density),
+        };
+        if !measured {
+            // What a held sample hides: a second of braking or of a bend.
+            out.accel += Vector3::repeat(4.0);
+            out.rate += Vector3::repeat(0.04);
+        }
+        out
+    }
+
+    /// Position and velocity of a fix, true `age` before the state.
+    fn fix(&mut self, fix: &Fixed, t_s: f64) {
+        self.use_of.offered += 1;
+        let since = self.last_fix_t.map_or(f64::INFINITY, |t| fix.t_s - t);
+        self.last_fix_t = Some(fix.t_s);
+        let age = t_s - fix.t_s;
+        let lever = self.run.nominal.nav.c_nb.m * self.sheet.antenna;
+        let wanted = self.anchor.to(&fix.place);
+        let sd = fix.place_sd.zip_map(&self.sheet.fix_floor, f64::max);
+        let counts = (2.0 * self.sheet.fix_time_s / since.max(1e-3)).max(1.0);
+        let variance = |axis: usize| {
+            let share = self.sheet.fix_correlated;
+            sd[axis].powi(2) * (share * counts + 1.0 - share)
+        };
+        let row = |run: &Running, axis: usize, r: f64| {
+            let nav = &run.nominal.nav;
+            let mut h = Row::zeros();
+            h[POS + axis] = 1.0;
+            h[VEL + axis] = -age;
+            h.fixed_rows_mut::<3>(ATT)
+                .copy_from(&skew(&lever).row(axis).transpose());
+            Scalar {
+                source: Source::Fix,
+                residual: nav.r_n.v[axis] + lever[axis] - nav.v_n.v[axis] * age - wanted[axis],
+                h,
+                r,
+            }
+        };
+        let mut worst: f64 = 0.0;
+        for axis in 0..3 {
+            let z = row(&self.run, axis, variance(axis) * self.inflate);
+            let s = z.h.dot(&(self.run.p * z.h)) + z.r;
+            worst = worst.max(z.residual.powi(2) / s);
+        }
+        let forced = worst > GATE && self.refused >= PATIENCE;
+        if worst > GATE && !forced {
+            self.refused += 1;
+            self.use_of.refused += 1;
+        } else {
+            self.refused = 0;
+            self.use_of.forced += u64::from(forced);
+            self.use_of.used += u64::from(!forced);
+            for axis in 0..3 {
+                let mut z = row(&self.run, axis, variance(axis) * self.inflate);
+                if forced {
+                    z.r += z.residual.powi(2);
+                }
+                self.run.apply(&z, f64::INFINITY);
+            }
+        }
+        self.adapt(worst);
+        self.fix_velocity(fix, age);
+    }
+
+    /// The noise of fixes grows where they jump more than they say, and comes back. The largest of three squares of one
+    /// sigma is 2.4 in the mean.
+    fn adapt(&mut self, worst: f64) {
+        let off = (worst / 2.4 - 1.0).clamp(-0.5, 4.0);
+        self.inflate = (self.inflate * (1.0 + 0.2 * off)).clamp(1.0, 25.0);
+    }
+
+    fn fix_velocity(&mut self, fix: &Fixed, age: f64) {
+        let Some(v_n) = fix.v_n else {
+            return;
+        };
+        // The car's acceleration takes the velocity back to the fix's instant.
+        let k = self
+            .drive
+            .periods
+            .partition_point(|p| p.t_s < fix.t_s)
+            .min(self.drive.periods.len() - 1);
+        let period = &self.drive.periods[k];
+        let nominal = &self.run.nominal;
+        let f_n = nominal.nav.c_nb.m * nominal.moving_force(&period.accel).v;
+        let a_n = f_n + Vector3::new(0.0, 0.0, self.earth.gravity);
+        let rate = nominal.rate(&period.rate, &self.earth).v;
+        let lever = nominal.nav.c_nb.m * rate.cross(&self.sheet.antenna);
+        let sd = fix.v_sd.zip_map(&self.sheet.fix_speed_floor, f64::max);
+        for axis in 0..3 {
+            let mut h = Row::zeros();
+            h[VEL + axis] = 1.0;
+            h.fixed_rows_mut::<3>(ATT)
+                .copy_from(&skew(&lever).row(axis).transpose());
+            let z = Scalar {
+                source: Source::Fix,
+                residual: self.run.nominal.nav.v_n.v[axis] + lever[axis]
+                    - a_n[axis] * age
+                    - v_n[axis],
+                h,
+                r: sd[axis].powi(2) * self.inflate + (0.3 * age).powi(2),
+            };
+            self.run.apply(&z, GATE);
+        }
+    }
+
+    fn speed(&mut self, k: usize, speed: f64, sd: f64) {
+        let rate = self
+            .run
+            .nominal
+            .rate(&self.drive.periods[k].rate, &self.earth)
+            .v;
+        let z = measure::forward_speed(&self.run.nominal, &rate, &self.geometry, speed, sd);
+        self.run.apply(&z, 4.0 * GATE);
+    }
+
+    /// What a car obeys: it stands, or its rear axle goes where it points.
+    fn constrain(&mut self, k: usize, stands: bool) {
+        let period = &self.drive.periods[k];
+        if stands {
+            self.stood_s += period.dt;
+            self.since_stand_s += period.dt;
+            if self.since_stand_s >= STAND_INTERVAL_S - 1e-9 {
+                self.since_stand_s = 0.0;
+                self.stand(k);
+            }
+            return;
+        }
+        self.stood_s = 0.0;
+        self.since_stand_s = STAND_INTERVAL_S;
+        let nav = &self.run.nominal.nav;
+        let speed = nav.c_nb.m.column(0).dot(&nav.v_n.v);
+        let tuning = &self.sheet.tuning;
+        if speed < 1.0 || self.since_slip_s < tuning.slip_interval_s - 1e-9 {
+            return;
+        }
+        self.since_slip_s = 0.0;
+        let rate = self.run.nominal.rate(&period.rate, &self.earth).v;
+        let lateral = (speed * rate.z).clamp(-8.0, 8.0);
+        let z = measure::side_slip(
+            &self.run.nominal,
+            &rate,
+            &self.geometry,
+            lateral,
+            tuning.slip_white_mps,
+        );
+        self.run.apply(&z, 2.0 * GATE);
+        let widened = (2.0 * tuning.jump_correlation_s / tuning.slip_interval_s)
+            .max(1.0)
+            .sqrt();
+        let sd = (tuning.jump[0] * speed + tuning.jump[1]) * widened;
+        let z = measure::no_jump(&self.run.nominal, &rate, &self.geometry, sd);
+        self.run.apply(&z, 2.0 * GATE);
+    }
+
+    /// Zero velocity; rates are the gyros' bias; the mean force is gravity.
+    fn stand(&mut self, k: usize) {
+        for axis in 0..3 {
+            let z = measure::standstill(&self.run.nominal, axis, STAND_SPEED_SD);
+            self.run.apply(&z, f64::INFINITY);
+        }
+        let from = self.drive.periods[..=k]
+            .iter()
+            .rposition(|p| p.t_s <= self.drive.periods[k].t_s - 1.0)
+            .map_or(0, |i| i + 1);
+        let window = &self.drive.periods[from..=k];
+        let n = schema::num::real(window.len());
+        let accel = window.iter().map(|p| p.accel).sum::<Vector3<f64>>() / n;
+        let rate = window.iter().map(|p| p.rate).sum::<Vector3<f64>>() / n;
+        // Windows overlap: five uses a second of one mean a second count as one.
+        let widened = (1.0 / STAND_INTERVAL_S).sqrt();
+        for axis in 0..3 {
+            let sd = (self.sheet.still_accel[axis] / n.sqrt()).hypot(LEVEL_SD) * widened;
+            let z = measure::levelling(&self.run.nominal, &accel, self.earth.gravity, axis, sd);
+            self.run.apply(&z, 4.0 * GATE);
+        }
+        for axis in 0..3 {
+            let found = self.run.nominal.rate(&rate, &self.earth).v[axis];
+            let sd = (self.sheet.still_rate[axis] / n.sqrt()).hypot(1e-4) * widened;
+            let z = measure::rest_rate(found, axis, sd);
+            self.run.apply(&z, 4.0 * GATE);
+        }
+    }
+}
+
+/// What is known at the start.
+fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
+    let mut p = Cov::from_diagonal_element(1e-12);
+    let mut set = |state: usize, sd: f64| p[(state, state)] = (sd * sd).max(1e-12);
+    for axis in 0..3 {
+        set(POS + axis, start.place_sd[axis]);
+        set(VEL + axis, start.v_sd[axis]);
+        set(BA + axis, sheet.accel_bias);
+        set(SA + axis, sheet.accel_scale);
+        set(BG + axis, start.rate_bias.map_or(sheet.rate_bias, |b| b.1));
+        set(SG + axis, sheet.rate_scale);
+    }
+    set(MOUNT_YAW, sheet.mounting[1]);
+    set(MOUNT_PITCH, sheet.mounting[0]);
+    set(SLIP_GRADIENT, sheet.tuning.slip_gradient[1]);
+    set(SLIP, sheet.tuning.slip_sd);
+    set(LEVER, sheet.geometry.imu_sd.x);
+    // Errors of roll, pitch and heading as platform angles: euler error = J psi.
+    let jacobian = nominal.nav.c_nb.euler_jacobian();
+    let angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
+    if let Some(inverse) = jacobian.try_inverse() {
+        let block = inverse * angles * inverse.transpose();
+        p.fixed_view_mut::<3, 3>(ATT, ATT).copy_from(&block);
+    }
+    p
+}

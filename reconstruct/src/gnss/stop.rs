@@ -1,0 +1,183 @@
+//! Does the car stand? The variance test of [S00, 3.5], and one that hears more.
+
+use nalgebra::Vector3;
+use schema::num::real;
+
+use super::drive::Drive;
+
+/// Threshold on the sum of the two level variances over a second, (m/s^2)^2 [S00, 4.3].
+pub const PUBLISHED: f64 = 0.048;
+
+/// Settings of our detector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detector {
+    /// Length of the window, s.
+    pub window_s: f64,
+    /// Variances of the specific force, level together and along gravity, that an idling engine may shake, (m/s^2)^2:
+    /// above them the car moves. First where a fix tells the speed, then where none does and a smooth road must not
+    /// look like a stand.
+    pub accel: [[f64; 2]; 2],
+    /// Variance of the rates together that it may, (rad/s)^2, with and without a fix: a rolling car pitches and yaws.
+    pub rate: [f64; 2],
+    /// A mean specific force or rate that differs from that of the stand so far by more than this, and three sigmas of its
+    /// own noise, ends it: m/s^2 and rad/s. Over a second the first is the speed that the car has taken up.
+    pub shift: [f64; 2],
+    /// Speed of a fix below which the car may stand and above which it moves, m/s: between them the state stays.
+    pub speed: [f64; 2],
+    /// A fix says nothing about instants more than this after it, s.
+    pub speed_age_s: f64,
+}
+
+impl Default for Detector {
+    fn default() -> Self {
+        Self {
+            window_s: 1.0,
+            accel: [[1.0, 1.0], [PUBLISHED, 0.15]],
+            rate: [4e-4, 6e-5],
+            shift: [0.1, 0.01],
+            speed: [0.7, 1.5],
+            speed_age_s: 1.6,
+        }
+    }
+}
+
+/// Sums of one window, slid along.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    n: f64,
+    accel: Vector3<f64>,
+    accel2: Vector3<f64>,
+    rate: Vector3<f64>,
+    rate2: Vector3<f64>,
+}
+
+impl Sums {
+    fn add(&mut self, accel: &Vector3<f64>, rate: &Vector3<f64>, sign: f64) {
+        self.n += sign;
+        self.accel += accel * sign;
+        self.accel2 += accel.component_mul(accel) * sign;
+        self.rate += rate * sign;
+        self.rate2 += rate.component_mul(rate) * sign;
+    }
+
+    fn means(&self) -> [Vector3<f64>; 2] {
+        let n = self.n.max(1.0);
+        [self.accel / n, self.rate / n]
+    }
+
+    /// Sample variances per axis.
+    fn variances(&self) -> [Vector3<f64>; 2] {
+        let (n, free) = (self.n.max(1.0), (self.n - 1.0).max(1.0));
+        let of = |sum: &Vector3<f64>, square: &Vector3<f64>| {
+            ((square - sum.component_mul(sum) / n) / free).map(|v| v.max(0.0))
+        };
+        [of(&self.accel, &self.accel2), of(&self.rate, &self.rate2)]
+    }
+}
+
+/// Means and variances over the window that ends with each period; gravity is taken off first, so that sums of squares
+/// keep their digits.
+fn windows(drive: &Drive, seconds: f64) -> Vec<Sums> {
+    let mut out = Vec::with_capacity(drive.periods.len());
+    let mut sums = Sums::default();
+    let mut from = 0;
+    let about = drive
+        .periods
+        .first()
+        .map_or_else(Vector3::zeros, |p| p.accel);
+    for period in &drive.periods {
+        sums.add(&(period.accel - about), &period.rate, 1.0);
+        while drive.periods[from].t_s <= period.t_s - seconds + 1e-6 {
+            let old = &drive.periods[from];
+            sums.add(&(old.accel - about), &old.rate, -1.0);
+            from += 1;
+        }
+        out.push(sums);
+    }
+    out
+}
+
+/// The test of [S00, 3.5] at each period: variances of x and y over the last 51 samples together below [`PUBLISHED`].
+#[must_use]
+pub fn published(drive: &Drive) -> Vec<bool> {
+    let dt = drive.periods.get(1).map_or(0.02, |p| p.dt);
+    windows(drive, 51.0 * dt)
+        .iter()
+        .map(|w| {
+            let [accel, _] = w.variances();
+            w.n > 50.0 && accel.x + accel.y < PUBLISHED
+        })
+        .collect()
+}
+
+impl Detector {
+    /// Standing or not at each period. Looks back only; a whole window must have been still before it says so.
+    #[must_use]
+    pub fn detect(&self, drive: &Drive) -> Vec<bool> {
+        let mut out = Vec::with_capacity(drive.periods.len());
+        let mut stand: Option<[Vector3<f64>; 2]> = None;
+        let mut next_fix = 0;
+        let mut count: f64 = 0.0;
+        for (window, period) in windows(drive, self.window_s).iter().zip(&drive.periods) {
+            while drive
+                .fixes
+                .get(next_fix)
+                .is_some_and(|f| f.t_s <= period.t_s)
+            {
+                next_fix += 1;
+            }
+            let heard = next_fix
+                .checked_sub(1)
+                .and_then(|i| drive.fixes.get(i))
+                .filter(|f| period.t_s - f.t_s <= self.speed_age_s)
+                .and_then(|f| f.v_n)
+                .map(|v| v.xy().norm());
+            let [accel, rate] = window.variances();
+            let means = window.means();
+            let deaf = usize::from(heard.is_none());
+            let [level, along] = self.accel[deaf];
+            let quiet =
+                accel.x + accel.y < level && accel.z < along && rate.sum() < self.rate[deaf];
+            let whole = window.n * period.dt > 0.9 * self.window_s;
+            let slow = heard.is_none_or(|v| v < self.speed[usize::from(stand.is_some())]);
+            let noise = [accel, rate].map(|v| (9.0 * v.sum() / window.n.max(1.0)).sqrt());
+            let same = stand.as_ref().is_none_or(|[a, w]| {
+                (means[0] - a).norm() < self.shift[0] + noise[0]
+                    && (means[1] - w).norm() < self.shift[1] + noise[1]
+            });
+            if quiet && whole && slow && same {
+                count += 1.0;
+                let known = stand.get_or_insert(means);
+                // The mean of the stand so far, led by its last ten seconds.
+                let gain = 1.0 / count.min(real(500_usize));
+                known[0] += (means[0] - known[0]) * gain;
+                known[1] += (means[1] - known[1]) * gain;
+                out.push(true);
+            } else {
+                stand = None;
+                count = 0.0;
+                out.push(false);
+            }
+        }
+        out
+    }
+
+    /// The same known afterwards: where a whole window was still, the car stood all through it.
+    #[must_use]
+    pub fn hindsight(&self, drive: &Drive, found: &[bool]) -> Vec<bool> {
+        let mut out = found.to_vec();
+        let mut until = f64::NEG_INFINITY;
+        for (k, period) in drive.periods.iter().enumerate().rev() {
+            if found.get(k).copied().unwrap_or(false) {
+                until = period.t_s - self.window_s;
+            }
+            if period.t_s > until + 1e-6
+                && until > f64::NEG_INFINITY
+                && let Some(flag) = out.get_mut(k)
+            {
+                *flag = true;
+            }
+        }
+        out
+    }
+}
