@@ -151,21 +151,20 @@ pub(super) fn detect(lines: &[&str], columns: usize) -> Layout {
 }
 
 /// The delimiter that gives most lines the right number of columns; where none gives any, what comes nearest on
-/// the first line, for the complaint that follows.
+/// the first line among those it has, for the complaint that follows.
 fn delimiter(lines: &[&str], columns: usize) -> Delimiter {
-    let fits = |d: &Delimiter| {
-        let right = |l: &&&str| d.split(l, columns).len() == columns;
-        lines.iter().filter(right).count()
+    let misses = |d: Delimiter| {
+        let wrong = |l: &&&str| d.split(l, columns).len() != columns;
+        lines.iter().filter(wrong).count()
     };
-    let off = |d: &Delimiter| {
-        lines
-            .first()
-            .map_or(0, |l| d.split(l, columns).len().abs_diff(columns))
+    let off = |d: Delimiter| {
+        let cells = lines.first().map_or(0, |l| d.split(l, columns).len());
+        (cells < 2, cells.abs_diff(columns))
     };
     // Of equals the first wins, as `min_by_key` has it.
     Delimiter::ALL
         .into_iter()
-        .min_by_key(|d| (lines.len() - fits(d), off(d)))
+        .min_by_key(|&d| (misses(d), off(d)))
         .unwrap_or_default()
 }
 
@@ -212,6 +211,7 @@ mod tests {
             (["1,2,3,4,", "1,2,3,,"], (Comma, Point, false)),
             (["x1,2,3,4", "1,2,3,4"], (Comma, Point, false)),
             (["1;2;3", "1;2;3"], (Semicolon, Point, false)),
+            (["1;2;3;4;5;6;7;8;9", "1"], (Semicolon, Point, false)),
         ] {
             assert_eq!(found(&lines), expected, "{lines:?}");
         }

@@ -87,7 +87,8 @@ pub struct Fix {
     pub hdop: Option<f64>,
     /// Position dilution of precision [S00, 6.1, column 26].
     pub pdop: Option<f64>,
-    /// Velocity north, east, down, m/s; some logs have none [S00, 4.1] [S00, 6.1, columns 27 to 29].
+    /// Velocity north, east, down, m/s; the log of the E6 has none
+    /// [S00, 4.1] [S00, 6.1, columns 27 to 29].
     pub velocity_ned: Option<[f64; 3]>,
     /// Satellites in the solution [S00, 6.1, column 30].
     pub satellites: Option<u32>,
