@@ -151,7 +151,6 @@ fn a_file_cut_anywhere_says_so() {
                 Err(GnssError::CutOff { line, .. }) => {
                     assert!(!ended && line == log_line(&text, end));
                 }
-                // A date or time cut short while no later line shows the delimiter.
                 Err(e) => panic!("{layout} {end}: {e}"),
             }
         }

@@ -11,7 +11,7 @@ use reconstruct::gnss::write::{write_fixes, write_motions};
 const START_MS: i64 = 1_377_511_200_000;
 const LEAP_S: i32 = 16;
 
-pub fn head(k: i32, step_ms: i32) -> Head {
+pub(crate) fn head(k: i32, step_ms: i32) -> Head {
     let utc_ms = START_MS + i64::from(k * step_ms);
     let GpsTime { week, tow_s } = gps_time(utc_ms, LEAP_S).unwrap();
     Head {
@@ -27,7 +27,7 @@ pub fn head(k: i32, step_ms: i32) -> Head {
     }
 }
 
-pub fn fixes() -> Vec<Fix> {
+pub(crate) fn fixes() -> Vec<Fix> {
     let fix = |k: i32| {
         let x = f64::from(k);
         Fix {
@@ -59,7 +59,7 @@ pub fn fixes() -> Vec<Fix> {
 }
 
 /// A fix with nothing that may be left out.
-pub fn bare(k: i32) -> Fix {
+pub(crate) fn bare(k: i32) -> Fix {
     let full = fixes()[0];
     Fix {
         head: Head {
@@ -92,7 +92,7 @@ pub fn bare(k: i32) -> Fix {
     }
 }
 
-pub fn motions() -> Vec<Motion> {
+pub(crate) fn motions() -> Vec<Motion> {
     let motion = |k: i32| {
         let x = f64::from(k);
         Motion {
@@ -105,7 +105,7 @@ pub fn motions() -> Vec<Motion> {
 }
 
 /// Every layout that can be written.
-pub fn layouts() -> Vec<Layout> {
+pub(crate) fn layouts() -> Vec<Layout> {
     let mut all = Vec::new();
     for delimiter in [
         Delimiter::Comma,
@@ -127,34 +127,34 @@ pub fn layouts() -> Vec<Layout> {
     all
 }
 
-pub const BARE: Layout = Layout {
+pub(crate) const BARE: Layout = Layout {
     delimiter: Delimiter::Semicolon,
     decimal: Decimal::Point,
     header: false,
 };
 
-pub fn fix_text(rows: &[Fix], layout: Layout) -> String {
+pub(crate) fn fix_text(rows: &[Fix], layout: Layout) -> String {
     let mut out = Vec::new();
     write_fixes(&mut out, "out", rows, layout).unwrap();
     String::from_utf8(out).unwrap()
 }
 
-pub fn motion_text(rows: &[Motion], layout: Layout) -> String {
+pub(crate) fn motion_text(rows: &[Motion], layout: Layout) -> String {
     let mut out = Vec::new();
     write_motions(&mut out, "out", rows, layout).unwrap();
     String::from_utf8(out).unwrap()
 }
 
-pub fn fixes_of(text: &str) -> Result<Read<Fix>, String> {
+pub(crate) fn fixes_of(text: &str) -> Result<Read<Fix>, String> {
     read_fixes(text.as_bytes(), "gps.txt", Tolerance::Strict).map_err(|e| e.to_string())
 }
 
-pub fn motions_of(text: &str) -> Result<Read<Motion>, String> {
+pub(crate) fn motions_of(text: &str) -> Result<Read<Motion>, String> {
     read_motions(text.as_bytes(), "imu.txt", Tolerance::Strict).map_err(|e| e.to_string())
 }
 
 /// The numbers of a row in the order of its columns, in the units of the file, absent ones NaN.
-pub fn numbers(fix: &Fix) -> Vec<f64> {
+pub(crate) fn numbers(fix: &Fix) -> Vec<f64> {
     let mut all = vec![fix.head.obu_s, fix.head.tow_s.unwrap_or(f64::NAN)];
     all.extend([fix.latitude, fix.longitude].map(f64::to_degrees));
     let angles = [fix.course, fix.yaw, fix.pitch, fix.roll].map(|a| a.map(f64::to_degrees));
@@ -178,7 +178,7 @@ pub fn numbers(fix: &Fix) -> Vec<f64> {
     all
 }
 
-pub fn motion_numbers(motion: &Motion) -> Vec<f64> {
+pub(crate) fn motion_numbers(motion: &Motion) -> Vec<f64> {
     let mut all = vec![motion.head.obu_s];
     all.extend(motion.accel_milli_g());
     all.extend(motion.rate_milli_deg());
@@ -186,21 +186,21 @@ pub fn motion_numbers(motion: &Motion) -> Vec<f64> {
 }
 
 /// A line with one field replaced.
-pub fn with(line: &str, column: usize, text: &str) -> String {
+pub(crate) fn with(line: &str, column: usize, text: &str) -> String {
     let mut cells: Vec<&str> = line.trim_end().split(';').collect();
     cells[column - 1] = text;
     cells.join(";") + "\n"
 }
 
-pub fn fix_line() -> String {
+pub(crate) fn fix_line() -> String {
     fix_text(&fixes()[..1], BARE)
 }
 
-pub fn motion_line() -> String {
+pub(crate) fn motion_line() -> String {
     motion_text(&motions()[..1], BARE)
 }
 
-pub fn note(kind: NoteKind, count: u64, first_line: u64) -> Note {
+pub(crate) fn note(kind: NoteKind, count: u64, first_line: u64) -> Note {
     Note {
         kind,
         count,
