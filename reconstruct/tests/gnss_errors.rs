@@ -18,127 +18,130 @@ use reconstruct::gnss::read::{Tolerance, read_motions};
 use reconstruct::gnss::rows::Fix;
 use reconstruct::gnss::write::{write_fixes, write_motions};
 
+/// Column, what stands there, the complaint.
+const FIX_COMPLAINTS: [(usize, &str, &str); 24] = [
+    (
+        1,
+        "",
+        "column 1 (equipment): expected a whole number, found an empty field",
+    ),
+    (
+        1,
+        "x",
+        "column 1 (equipment): expected a finite number, found \"x\"",
+    ),
+    (
+        2,
+        "1.5",
+        "column 2 (drive): expected a whole number, found \"1.5\"",
+    ),
+    (
+        3,
+        "-1",
+        "column 3 (leg): expected 0 to 4294967295, found -1",
+    ),
+    (
+        4,
+        "2013-13-01",
+        "column 4 (date_utc): expected a date yyyy-mm-dd, found \"2013-13-01\"",
+    ),
+    (
+        4,
+        "",
+        "column 4 (date_utc): expected a date yyyy-mm-dd, found an empty field",
+    ),
+    (
+        5,
+        "24:00:00.000",
+        "column 5 (time_utc): expected a time hh:mm:ss.fff, found \"24:00:00.000\"",
+    ),
+    (
+        5,
+        "",
+        "column 5 (time_utc): expected a time hh:mm:ss.fff, found an empty field",
+    ),
+    (
+        6,
+        "-3",
+        "column 6 (gps_week): expected 0 to 20000, found -3",
+    ),
+    (
+        7,
+        "604800",
+        "column 7 (gps_tow_s): expected 0 to below 604800 s, found 604800",
+    ),
+    (
+        7,
+        "-0.1",
+        "column 7 (gps_tow_s): expected 0 to below 604800 s, found -0.1",
+    ),
+    (
+        8,
+        "",
+        "column 8 (obu_s): expected a number, found an empty field",
+    ),
+    (
+        8,
+        "NaN",
+        "column 8 (obu_s): expected a finite number, found \"NaN\"",
+    ),
+    (
+        8,
+        "inf",
+        "column 8 (obu_s): expected a finite number, found \"inf\"",
+    ),
+    (
+        8,
+        "1e999",
+        "column 8 (obu_s): expected a finite number, found \"1e999\"",
+    ),
+    (9, "2", "column 9 (good): expected 0 or 1, found \"2\""),
+    (
+        11,
+        "90.1",
+        "column 11 (latitude_deg): expected -90 to 90 deg, found 90.1",
+    ),
+    (
+        11,
+        "",
+        "column 11 (latitude_deg): expected a number, found an empty field",
+    ),
+    (
+        12,
+        "-180.5",
+        "column 12 (longitude_deg): expected -180 to 180 deg, found -180.5",
+    ),
+    (
+        15,
+        "1,5",
+        "column 15 (speed_mps): expected a finite number, found \"1,5\"",
+    ),
+    (
+        15,
+        "-1",
+        "column 15 (speed_mps): expected 0 to 1000 m/s, found -1",
+    ),
+    (
+        28,
+        "",
+        "column 28 (v_east_mps): expected a number, found an empty field",
+    ),
+    (
+        32,
+        "true",
+        "column 32 (sbas): expected a finite number, found \"true\"",
+    ),
+    (
+        35,
+        "-1",
+        "column 35 (integrity_down_m): expected 0 to 10000000 m, found -1",
+    ),
+];
+
 #[test]
 fn every_field_has_its_complaint() {
     let good = fix_line();
-    for (column, text, complaint) in [
-        (
-            1,
-            "",
-            "column 1 (equipment): expected a whole number, found an empty field",
-        ),
-        (
-            1,
-            "x",
-            "column 1 (equipment): expected a finite number, found \"x\"",
-        ),
-        (
-            2,
-            "1.5",
-            "column 2 (drive): expected a whole number, found \"1.5\"",
-        ),
-        (
-            3,
-            "-1",
-            "column 3 (leg): expected 0 to 4294967295, found -1",
-        ),
-        (
-            4,
-            "2013-13-01",
-            "column 4 (date_utc): expected a date yyyy-mm-dd, found \"2013-13-01\"",
-        ),
-        (
-            4,
-            "",
-            "column 4 (date_utc): expected a date yyyy-mm-dd, found an empty field",
-        ),
-        (
-            5,
-            "24:00:00.000",
-            "column 5 (time_utc): expected a time hh:mm:ss.fff, found \"24:00:00.000\"",
-        ),
-        (
-            5,
-            "",
-            "column 5 (time_utc): expected a time hh:mm:ss.fff, found an empty field",
-        ),
-        (
-            6,
-            "-3",
-            "column 6 (gps_week): expected 0 to 20000, found -3",
-        ),
-        (
-            7,
-            "604800",
-            "column 7 (gps_tow_s): expected 0 to below 604800 s, found 604800",
-        ),
-        (
-            7,
-            "-0.1",
-            "column 7 (gps_tow_s): expected 0 to below 604800 s, found -0.1",
-        ),
-        (
-            8,
-            "",
-            "column 8 (obu_s): expected a number, found an empty field",
-        ),
-        (
-            8,
-            "NaN",
-            "column 8 (obu_s): expected a finite number, found \"NaN\"",
-        ),
-        (
-            8,
-            "inf",
-            "column 8 (obu_s): expected a finite number, found \"inf\"",
-        ),
-        (
-            8,
-            "1e999",
-            "column 8 (obu_s): expected a finite number, found \"1e999\"",
-        ),
-        (9, "2", "column 9 (good): expected 0 or 1, found \"2\""),
-        (
-            11,
-            "90.1",
-            "column 11 (latitude_deg): expected -90 to 90 deg, found 90.1",
-        ),
-        (
-            11,
-            "",
-            "column 11 (latitude_deg): expected a number, found an empty field",
-        ),
-        (
-            12,
-            "-180.5",
-            "column 12 (longitude_deg): expected -180 to 180 deg, found -180.5",
-        ),
-        (
-            15,
-            "1,5",
-            "column 15 (speed_mps): expected a finite number, found \"1,5\"",
-        ),
-        (
-            15,
-            "-1",
-            "column 15 (speed_mps): expected 0 to 1000 m/s, found -1",
-        ),
-        (
-            28,
-            "",
-            "column 28 (v_east_mps): expected a number, found an empty field",
-        ),
-        (
-            32,
-            "true",
-            "column 32 (sbas): expected a finite number, found \"true\"",
-        ),
-        (
-            35,
-            "-1",
-            "column 35 (integrity_down_m): expected 0 to 10000000 m, found -1",
-        ),
-    ] {
+    for (column, text, complaint) in FIX_COMPLAINTS {
         let found = fixes_of(&format!("{good}{}{good}", with(&good, column, text))).unwrap_err();
         assert_eq!(found, format!("gps.txt: line 2, {complaint}"));
     }

@@ -153,11 +153,7 @@ fn legs_and_fixes_without_a_position() {
         row.head.leg.equipment = 6;
     }
     let text = fix_text(&rows, BARE);
-    let lost = with(
-        &with(&text.lines().nth(6).unwrap().to_owned(), 11, ""),
-        12,
-        "",
-    );
+    let lost = with(&with(text.lines().nth(6).unwrap(), 11, ""), 12, "");
     let text = text.replace(text.lines().nth(6).unwrap(), lost.trim_end());
     let log = fixes_of(&text).unwrap();
     assert_eq!(log.select(Some(6), Some(1), Some(3)).len(), 10);
