@@ -8,7 +8,7 @@
 //! 2. [`rows`]: what a line holds, in SI units and radians.
 //! 3. [`read`]: text to rows, with line and column in every complaint.
 //! 4. [`notes`]: what is reported of a log and does not stop it: gaps, repeats, disorder, bad fixes.
-//! 5. [`write`]: rows to text, to a fixed number of decimals.
+//! 5. [`write`](mod@write): rows to text, to a fixed number of decimals.
 //! 6. [`time`]: UTC and GPS time.
 
 mod columns;
