@@ -1,5 +1,5 @@
 //! UTC and GPS time. GPS time has no leap seconds, so it is ahead of UTC by as many as there were since 1980:
-//! 16 s in the logs of [S00], from August 2013 to March 2014. How many is taken from a log that has both, never
+//! 16 s in the logs of [S00, 3.1], from August 2013 to March 2014. How many is taken from a log that has both, never
 //! from a table.
 
 use schema::num::{real_i64, round_i64};
