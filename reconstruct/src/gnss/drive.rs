@@ -3,8 +3,26 @@
 use nalgebra::{Matrix3, Vector3};
 use schema::num::real;
 
-use super::GnssError;
 use crate::wgs84::Geodetic;
+
+/// Why a drive could not be reckoned.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ReckonError {
+    /// The drive does not hold what is needed.
+    #[error("drive: {what}")]
+    Drive {
+        /// Expected and found.
+        what: String,
+    },
+    /// The arithmetic failed.
+    #[error("filter at {t_s} s: {what}")]
+    Numeric {
+        /// s of the box's clock.
+        t_s: f64,
+        /// Expected and found.
+        what: String,
+    },
+}
 
 /// One period of the inertial sensors, the car's axes (as far as the mounting is known).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,14 +88,14 @@ impl Drive {
     /// it and are marked.
     ///
     /// # Errors
-    /// [`GnssError::Drive`] for fewer than two samples, stamps that do not rise, or a hole beyond 5 s.
+    /// [`ReckonError::Drive`] for fewer than two samples, stamps that do not rise, or a hole beyond 5 s.
     pub fn new(
         samples: &[Stamped],
         c_bs: &Matrix3<f64>,
         fixes: Vec<Fixed>,
         speeds: Vec<Speed>,
-    ) -> Result<Self, GnssError> {
-        let fail = |what: String| GnssError::Drive { what };
+    ) -> Result<Self, ReckonError> {
+        let fail = |what: String| ReckonError::Drive { what };
         let mut gaps: Vec<f64> = samples.windows(2).map(|w| w[1].0 - w[0].0).collect();
         if gaps.is_empty() {
             return Err(fail(format!(

@@ -6,8 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::GnssError;
-use super::drive::{Drive, Fixed};
+use super::drive::{Drive, Fixed, ReckonError};
 use super::sheet::Sheet;
 use crate::constraint::Geometry;
 use crate::error_model::STATES;
@@ -125,15 +124,15 @@ struct Runner<'a> {
 /// Runs the filter from `start` to the end of the drive. `standing` has one entry a period ([`super::stop`]).
 ///
 /// # Errors
-/// [`GnssError::Drive`] where the start is not in the drive; [`GnssError::Numeric`] where the arithmetic fails.
+/// [`ReckonError::Drive`] where the start is not in the drive; [`ReckonError::Numeric`] where the arithmetic fails.
 pub fn run(
     drive: &Drive,
     standing: &[bool],
     sheet: &Sheet,
     start: &Start,
-) -> Result<Passed, GnssError> {
+) -> Result<Passed, ReckonError> {
     if start.first >= drive.periods.len() || standing.len() != drive.periods.len() {
-        return Err(GnssError::Drive {
+        return Err(ReckonError::Drive {
             what: format!(
                 "start: expected a period below {}, found {}",
                 drive.periods.len().min(standing.len()),
@@ -168,7 +167,7 @@ pub fn run(
         }
         runner.constrain(k, stands);
         if let Some(found) = runner.run.failed {
-            return Err(GnssError::Numeric {
+            return Err(ReckonError::Numeric {
                 t_s: period.t_s,
                 what: format!("innovation variance: expected a positive number, found {found}"),
             });

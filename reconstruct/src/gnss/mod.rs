@@ -1,26 +1,37 @@
-//! The second seed: satellite fixes and inertial sensors of a box behind the windscreen [S00].
+//! The second seed: satellite fixes and inertial samples of a box behind the windscreen [S00].
+//!
+//! The raw logs [S00, 6.1 and 6.2], two text tables on one clock, the on-board unit's: 35 columns of fixes at about 1 Hz and
+//! 14 columns of accelerations and rates at 50 Hz. The formats are lists of columns; how the columns are separated is not
+//! said, so it is found out.
+//!
+//! 1. [`layout`]: delimiter, decimal sign and header, told from the first lines.
+//! 2. [`rows`]: what a line holds, in SI units and radians.
+//! 3. [`read`]: text to rows, with line and column in every complaint.
+//! 4. [`notes`]: what is reported of a log and does not stop it: gaps, repeats, disorder, bad fixes.
+//! 5. [`write`](mod@write): rows to text, to a fixed number of decimals.
+//! 6. [`time`]: UTC and GPS time.
+//!
+//! What is made of them:
+//!
+//! 7. [`published`]: the filter of [S00], with its faults; the point of comparison.
+//! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
+//! 9. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
 
+mod columns;
 pub mod drive;
+pub mod error;
+mod fields;
 pub mod forward;
+pub mod layout;
+mod lines;
+pub mod notes;
+pub mod published;
+pub mod read;
+pub mod rows;
 pub mod sheet;
 pub mod smooth;
 pub mod stop;
+pub mod time;
+pub mod write;
 
-/// Why a drive could not be reckoned.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GnssError {
-    /// The drive does not hold what is needed.
-    #[error("drive: {what}")]
-    Drive {
-        /// Expected and found.
-        what: String,
-    },
-    /// The arithmetic failed.
-    #[error("filter at {t_s} s: {what}")]
-    Numeric {
-        /// s of the box's clock.
-        t_s: f64,
-        /// Expected and found.
-        what: String,
-    },
-}
+pub use error::GnssError;
