@@ -14,6 +14,7 @@ pub mod filter;
 pub mod findings;
 pub mod frame;
 pub mod funnel;
+pub mod gnss;
 pub mod kalman;
 pub mod map;
 pub mod matrix;

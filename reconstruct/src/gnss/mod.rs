@@ -1,0 +1,3 @@
+//! Satellite fixes and inertial samples of a road-pricing tag [S00], and the filter over both.
+
+pub mod published;
