@@ -59,15 +59,33 @@ impl Chains {
     /// A filter at state `x` (15) with covariance `p`, transition `phi` and process noise `q` (15 x 15 each).
     ///
     /// # Errors
-    /// [`PublishedError::Coupled`] where one of the three couples two axes.
+    /// [`PublishedError::Coupled`] where one of the three couples two axes, or `phi` has elements that (3.3) has not.
     pub fn new(x: State, p: &Cov, phi: &Cov, q: &Cov) -> Result<Self, PublishedError> {
-        for matrix in [p, phi, q] {
+        for matrix in [p, q] {
             for row in 0..STATES {
                 for column in 0..STATES {
                     let found = matrix[(row, column)];
                     if found != 0.0 && !together(row, column) {
                         return Err(PublishedError::Coupled { row, column, found });
                     }
+                }
+            }
+        }
+        let mut known = Cov::identity();
+        for axis in 0..3 {
+            for (row, column) in [
+                (POS + axis, VEL + axis),
+                (ATT + axis, RATE + axis),
+                (ATT + axis, BIAS + axis),
+            ] {
+                known[(row, column)] = phi[(row, column)];
+            }
+        }
+        for row in 0..STATES {
+            for column in 0..STATES {
+                let found = phi[(row, column)];
+                if found != known[(row, column)] {
+                    return Err(PublishedError::Coupled { row, column, found });
                 }
             }
         }

@@ -35,7 +35,9 @@ pub enum PublishedError {
         found_s: f64,
     },
     /// No inertial sample at or after the first fix.
-    #[error("no inertial sample at or after the first fix, at {fix_s} s; the last is at {last_s} s")]
+    #[error(
+        "no inertial sample at or after the first fix, at {fix_s} s; the last is at {last_s} s"
+    )]
     NoOverlap {
         /// Time of the first fix, s.
         fix_s: f64,
@@ -60,8 +62,8 @@ pub enum PublishedError {
         /// What it got.
         found: String,
     },
-    /// A covariance that couples the axes, which only the dense filter carries.
-    #[error("covariance of states {row} and {column}: expected 0 between axes, found {found}")]
+    /// A matrix that couples what the chains keep apart, which only the dense filter carries.
+    #[error("states {row} and {column}: expected no coupling but within an axis, found {found}")]
     Coupled {
         /// Row, from 0.
         row: usize,

@@ -299,10 +299,7 @@ fn drive<E: Estimator>(
                 None => {
                     filter.predict();
                     if let Some(velocity) = predicted {
-                        filter
-                            .x_mut()
-                            .fixed_rows_mut::<3>(VEL)
-                            .copy_from(&velocity);
+                        filter.x_mut().fixed_rows_mut::<3>(VEL).copy_from(&velocity);
                     }
                     filter.update(rows.as_slice()).map_err(at)?;
                     used
