@@ -1,7 +1,6 @@
 """The filter of S00's appendix 6.5 in numpy, straight from its printed program, for tests/gnss_published.rs.
 
 usage: gnss_published.py FOLDER VARIANT EVERY STOP
-       gnss_published.py --version
 
 FOLDER holds fixes.csv (time, latitude, longitude, height, north, east and down velocity; rad, m, m/s), imu.csv (time,
 specific force, rate; m/s^2, rad/s, body axes) and initial.csv (latitude, longitude, height, three velocities, roll,
@@ -13,10 +12,6 @@ import os
 import sys
 
 VERSION = "2.4.6"
-
-if sys.argv[1] == "--version":
-    print(VERSION)
-    sys.exit()
 
 import numpy as np
 from numpy import arctan2, cos, sin, sqrt
@@ -160,8 +155,8 @@ for posNum in range(1, len(fixes)):
             tilt = Rx(-roll) @ Ry(-pitch) if corrected else Rz(0) @ Ry(-pitch) @ Rx(-roll)
             aeb_e = Cb_e_hat @ (fis_b[m] + tilt @ geb_g) - 2 * Oie_e @ veb_e
         if corrected:
-            along = np.array([Cb_e[:, 0] @ veb_e, 0, 0])
-            veb_e = Cb_e @ along + aeb_e * dt
+            forward = Cb_e_hat[:, 0]
+            veb_e = (Cb_e[:, 0] @ veb_e + forward @ aeb_e * dt) * forward
         else:
             veb_e = Cb_e_hat @ np.array([norm(veb_e), 0, 0]) + aeb_e * dt
         ax, ay, az = fis_b[m]

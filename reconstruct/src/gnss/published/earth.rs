@@ -18,7 +18,7 @@ impl Earth {
     /// The source's sphere, or WGS 84.
     ///
     /// On the sphere a metre is too many degrees: receivers give the latitude of the ellipsoid, whose radii of
-    /// curvature at 63.4 degrees north exceed 6,371 km by 0.24 % northward and 0.38 % eastward.
+    /// curvature at 63.4 degrees north exceed 6,371 km by 0.25 % northward and 0.38 % eastward.
     #[must_use]
     pub fn of(reading: Reading) -> Self {
         match reading {

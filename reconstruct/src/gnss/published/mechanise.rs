@@ -35,7 +35,7 @@ pub fn body_to_geographic(roll: f64, pitch: f64, yaw: f64, variant: &Variant) ->
 /// Gravity in body axes, m/s^2, by the state's roll and pitch, as the program adds it to the specific force.
 ///
 /// Published, pitch is taken out before roll is; the inverse of (2.5) takes them in the other order. At 5 degrees
-/// of each the two are 0.037 m/s^2 apart.
+/// of each the two are 0.005 m/s^2 apart.
 #[must_use]
 pub fn gravity_b(roll: f64, pitch: f64, variant: &Variant) -> Vector3<f64> {
     let sense = variant.rotations;
@@ -83,15 +83,15 @@ pub fn velocity(
         Source::Program => Cb_e_hat * (f_b + gravity_b(roll, pitch, variant)) - coriolis,
         Source::Text => Cb_e * f_b - coriolis + Cg_e * Vector3::new(0.0, 0.0, GRAVITY),
     };
-    // (2.7g). The rotation after the step turns the velocity by the rate, and the acceleration across it turns it once
-    // more; put right, only the acceleration does.
-    let forward = match variant.turn {
-        Reading::Published => Cb_e_hat.column(0).into_owned(),
-        Reading::Corrected => Cb_e.column(0).into_owned(),
-    };
     let speed = match variant.speed {
         Reading::Published => veb_e.norm(),
         Reading::Corrected => Cb_e.column(0).dot(&veb_e),
     };
-    forward * speed + aeb_e * dt
+    // (2.7g). The rotation over the step turns the velocity by the rate, and the acceleration across it turns it once
+    // more; put right, the rate alone turns it, and of the acceleration only what is along it counts.
+    let forward = Cb_e_hat.column(0).into_owned();
+    match variant.turn {
+        Reading::Published => forward * speed + aeb_e * dt,
+        Reading::Corrected => forward * (speed + forward.dot(&aeb_e) * dt),
+    }
 }
