@@ -1,8 +1,8 @@
-//! Cost of one inertial sample of the published GNSS filter, in one run: its chains, its dense form, and the floor of the
-//! dense form, the product `phi P phi' + Q` of 15 x 15 alone.
+//! Cost of one inertial sample of the published GNSS filter, in one run: its chains, its dense form, and the floor of
+//! the dense form, the product `phi P phi' + Q` of 15 x 15 alone.
 //!
-//! Interleaved, many rounds; medians. "filter" is predict and update of 8 rows, "whole" the loop with synchronisation, stop
-//! detector, mechanisation, levelling, geographic coordinates and its output.
+//! Interleaved, many rounds; medians. "filter" is predict and update of 8 rows, "whole" the loop with synchronisation,
+//! stop detector, mechanisation, levelling, geographic coordinates and its output.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 use reconstruct::gnss::published::constants::{DT, GRAVITY, GYRO_BIAS, LATENCY};
 use reconstruct::gnss::published::earth::{Earth, ecef_to_geographic};
-use reconstruct::gnss::published::{GnssFix, ImuSample, Initial, Input};
+use reconstruct::gnss::published::{GnssFix, ImuSample, Initial, Input, Variant};
 use schema::num::{real, real_u64};
 
 /// A small generator, so that the drives are the same everywhere (`SplitMix64`).
@@ -141,4 +141,9 @@ pub fn drive(plan: &Plan, seed: u64) -> Drive {
         truth,
         initial,
     }
+}
+
+/// The town drive on the Earth of a variant.
+pub fn town(variant: Variant, seed: u64) -> Drive {
+    drive(&Plan::town(Earth::of(variant.earth)), seed)
 }

@@ -10,150 +10,19 @@ use nalgebra::{Matrix3, Vector3};
 use schema::num::real;
 
 use super::chains::Chains;
-use super::constants::{DT, EVERY, GATE, LATENCY, Noise, Process, STOP_VARIANCE, STOP_WINDOW};
+use super::constants::{DT, GATE, Noise, Process, STOP_WINDOW};
 use super::dense::Dense;
 use super::earth::{Earth, ecef_to_geographic};
 use super::error::PublishedError;
 use super::input::{ImuSample, Initial, Input};
 use super::matrices::{
-    ATT, BIAS, Cov, Estimator, H1_STATES, H2_STATES, POS, RATE, Row, State, VEL, YAW, p0, phi, q,
+    ATT, BIAS, Estimator, H1_STATES, H2_STATES, POS, RATE, Row, State, VEL, YAW, p0, phi, q,
     r1_diagonal, r2_diagonal,
 };
 use super::mechanise::{level, velocity};
-use super::variant::{Reading, Source, Variant};
-
-/// Form of the filter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Engine {
-    /// Six chains, rows one at a time.
-    #[default]
-    Chains,
-    /// The textbook's matrices.
-    Dense,
-}
-
-/// How an exact speed enters. The source does not say [S00, 3.8].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SpeedUse {
-    /// The velocity is set to it, its direction kept; P stays.
-    Set,
-    /// The velocity in its own direction at that speed is a measurement of all three axes, of this standard deviation, m/s.
-    Measure(f64),
-}
-
-/// An exact speed at each fix [S00, 3.8].
-#[derive(Clone, Debug, PartialEq)]
-pub struct SpeedAid {
-    /// Speed at each fix, m/s; one that is not finite is left out, as are those past the end.
-    pub speeds: Vec<f64>,
-    /// How it enters.
-    pub how: SpeedUse,
-}
-
-/// What the filter is told.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// Text, program, slips.
-    pub variant: Variant,
-    /// Fixes from one update to the next; `None`: no fix is used. It counts fixes, not seconds. With 1 the program's own
-    /// condition is never met; here every fix is used.
-    pub every: Option<usize>,
-    /// Bound of the stop detector on var(ax) + var(ay), (m/s^2)^2; `None`: off.
-    pub stop: Option<f64>,
-    /// Samples by which the fixes are late.
-    pub latency: usize,
-    /// Exact speeds.
-    pub speed: Option<SpeedAid>,
-    /// Form of the filter.
-    pub engine: Engine,
-    /// Whether each step keeps the whole of P.
-    pub keep_covariance: bool,
-}
-
-impl Default for Options {
-    /// The program's.
-    fn default() -> Self {
-        Self {
-            variant: Variant::program(),
-            every: Some(EVERY),
-            stop: Some(STOP_VARIANCE),
-            latency: LATENCY,
-            speed: None,
-            engine: Engine::Chains,
-            keep_covariance: false,
-        }
-    }
-}
-
-/// What a step used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Used {
-    /// The inertial sample.
-    Imu,
-    /// The inertial sample and a fix.
-    Gnss,
-    /// Nothing: the car stands.
-    Stop,
-}
-
-/// The estimate after one inertial sample.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Step {
-    /// Time by the stamps of the fixes, s: what a fix of this time tells of.
-    pub t_s: f64,
-    /// Index of the inertial sample, the latency taken off.
-    pub sample: usize,
-    /// Latitude, rad.
-    pub lat: f64,
-    /// Longitude, rad.
-    pub lon: f64,
-    /// Height, m.
-    pub height: f64,
-    /// The states (3.1), 15.
-    pub x: State,
-    /// Diagonal of P, 15, in the squares of the states' units.
-    pub variances: State,
-    /// P, 15 x 15, where it was asked for.
-    pub covariance: Option<Box<Cov>>,
-    /// What was used.
-    pub used: Used,
-}
-
-impl Step {
-    fn three(&self, at: usize) -> Vector3<f64> {
-        self.x.fixed_rows::<3>(at).into_owned()
-    }
-
-    /// ECEF position, m.
-    #[must_use]
-    pub fn position(&self) -> Vector3<f64> {
-        self.three(POS)
-    }
-
-    /// ECEF velocity, m/s.
-    #[must_use]
-    pub fn velocity(&self) -> Vector3<f64> {
-        self.three(VEL)
-    }
-
-    /// Roll, pitch, yaw, rad; yaw is not wrapped.
-    #[must_use]
-    pub fn angles(&self) -> Vector3<f64> {
-        self.three(ATT)
-    }
-
-    /// Rates about x, y, z, biases included, rad/s.
-    #[must_use]
-    pub fn rates(&self) -> Vector3<f64> {
-        self.three(RATE)
-    }
-
-    /// Gyro biases about x, y, z, rad/s.
-    #[must_use]
-    pub fn bias(&self) -> Vector3<f64> {
-        self.three(BIAS)
-    }
-}
+use super::options::{Engine, Options, SpeedUse};
+use super::step::{Step, Used};
+use super::variant::{Reading, Source};
 
 /// Runs the filter: one step per inertial sample from the first fix to the last.
 ///
@@ -168,7 +37,7 @@ pub fn run(
 ) -> Result<Vec<Step>, PublishedError> {
     input.check()?;
     initial.check()?;
-    check(options)?;
+    options.check()?;
     let variant = &options.variant;
     let (fixes, motions) = (&input.fixes, &input.motions);
     let first = motions
@@ -218,37 +87,6 @@ pub fn run(
     }
 }
 
-fn check(options: &Options) -> Result<(), PublishedError> {
-    let wrong = |option, expected, found: String| {
-        Err(PublishedError::Option {
-            option,
-            expected,
-            found,
-        })
-    };
-    if options.every == Some(0) {
-        return wrong("fixes from one update to the next", "1 or more", "0".into());
-    }
-    if let Some(bound) = options.stop
-        && !(bound.is_finite() && bound >= 0.0)
-    {
-        return wrong("stop bound", "a number of 0 or more", bound.to_string());
-    }
-    if let Some(SpeedAid {
-        how: SpeedUse::Measure(sd),
-        ..
-    }) = options.speed
-        && !(sd.is_finite() && sd > 0.0)
-    {
-        return wrong(
-            "speed's standard deviation",
-            "a positive number",
-            sd.to_string(),
-        );
-    }
-    Ok(())
-}
-
 /// What stays the same from step to step.
 struct Setting<'a> {
     input: &'a Input,
@@ -291,19 +129,16 @@ fn drive<E: Estimator>(
             let fix = (due && fresh).then_some(n);
             fresh = false;
             let (rows, predicted, used) = measure(filter.x(), setting, index, fix, &Ce_g);
-            let used = match standing(motions, index, options.stop) {
-                Some(mean) => {
-                    stand(filter.x_mut(), &mean);
-                    Used::Stop
+            let used = if let Some(mean) = standing(motions, index, options.stop) {
+                stand(filter.x_mut(), &mean);
+                Used::Stop
+            } else {
+                filter.predict();
+                if let Some(velocity) = predicted {
+                    filter.x_mut().fixed_rows_mut::<3>(VEL).copy_from(&velocity);
                 }
-                None => {
-                    filter.predict();
-                    if let Some(velocity) = predicted {
-                        filter.x_mut().fixed_rows_mut::<3>(VEL).copy_from(&velocity);
-                    }
-                    filter.update(rows.as_slice()).map_err(at)?;
-                    used
-                }
+                filter.update(rows.as_slice()).map_err(at)?;
+                used
             };
             let x = *filter.x();
             if !x.iter().all(|value| value.is_finite()) {
@@ -421,8 +256,8 @@ fn standing(motions: &[ImuSample], index: usize, bound: Option<f64>) -> Option<V
     (spread / (count - 1.0) < bound).then_some(mean)
 }
 
-/// At a stop: no speed, roll and pitch of the mean specific force. Position, yaw and P stay; a fix that was due in this step
-/// is lost [S00, 6.5].
+/// At a stop: no speed, roll and pitch of the mean specific force. Position, yaw and P stay; a fix that was due in this
+/// step is lost [S00, 6.5].
 fn stand(x: &mut State, mean: &Vector3<f64>) {
     x.fixed_rows_mut::<3>(VEL).fill(0.0);
     (x[ATT], x[ATT + 1]) = level(mean);

@@ -229,8 +229,8 @@ pub trait Estimator {
     fn covariance(&self) -> Cov;
 }
 
-/// Steady gain of a state that only its own measurement (variance `r` each step) and its process noise (variance `q` each
-/// step) move: `p / (p + r)` with `p = q/2 + sqrt(q^2/4 + q r)`. Its reciprocal is the time constant in steps.
+/// Steady gain of a state that only its own measurement (variance `r` each step) and its process noise (variance `q`
+/// each step) move: `p / (p + r)` with `p = q/2 + sqrt(q^2/4 + q r)`. Its reciprocal is the time constant in steps.
 #[must_use]
 pub fn steady_gain(q: f64, r: f64) -> f64 {
     let p = 0.5 * q + (0.25 * q * q + q * r).sqrt();

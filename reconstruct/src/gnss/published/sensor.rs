@@ -40,8 +40,8 @@ impl Orientation {
 
     /// Negated gyro to body axes, 3 x 3 [S00, 6.5: `Cs_b_g`], as the program has it.
     ///
-    /// It is not the accelerometer's: taken through the half turn that one reads `Ry(-pitch) Rx(-roll) Rz(pi)`, and here
-    /// the pitch keeps its sign and all three rates are negated, a mirror image. See [`super::SLIPS`].
+    /// It is not the accelerometer's: taken through the half turn that one reads `Ry(-pitch) Rx(-roll) Rz(pi)`, and
+    /// here the pitch keeps its sign and all three rates are negated, a mirror image. See [`super::SLIPS`].
     #[must_use]
     pub fn gyro(&self) -> Matrix3<f64> {
         let sense = Source::Program;
@@ -49,7 +49,8 @@ impl Orientation {
     }
 }
 
-/// Specific force (m/s^2) and rate (rad/s) in body axes of a raw sample in milli-g and millidegrees per second [S00, 6.5].
+/// Specific force (m/s^2) and rate (rad/s) in body axes of a raw sample in milli-g and millidegrees per second
+/// [S00, 6.5].
 #[must_use]
 pub fn to_body(
     accel_mg: &Vector3<f64>,
