@@ -116,8 +116,7 @@ fn a_turn_changes_the_speed() {
     let corrected = grown(once);
     println!(
         "10 m/s after 17.8 s at 0.5 rad/s: {published:.3} published, {measured:.3} propagated, {turned:.3} turned \
-         once, \
-         {corrected:.3} with the speed along x"
+         once, {corrected:.3} with the speed along x"
     );
     assert!((corrected - 10.0).abs() < 1e-3 && (turned - 10.0).abs() < 1e-3);
     assert!((8.8..8.95).contains(&published) && (10.6..10.75).contains(&measured));
@@ -135,7 +134,8 @@ fn a_stop_sets_the_speed_and_leaves_the_rest() {
         assert_eq!(at.variances, before.variances);
         assert_eq!(at.position(), before.position());
         assert_eq!(at.bias(), before.bias());
-        assert!(at.velocity().norm() == 0.0 && at.angles().z == before.angles().z);
+        assert_eq!(at.velocity(), Vector3::zeros());
+        assert!((at.angles().z - before.angles().z).abs() < 1e-300);
         assert!(at.angles().fixed_rows::<2>(0).norm() < 0.01);
         // Only where the car stood, but for the window of one second and its noise.
         assert!(drive.truth[at.sample].1 < 0.2);
