@@ -1,3 +1,3 @@
-//! Satellite fixes and inertial samples of a road-pricing tag [S00], and the filter over both.
+//! Satellite fixes and inertial samples of a road-pricing tag [S00, 3.1], and the filter over both.
 
 pub mod published;

@@ -248,12 +248,23 @@ fn standing(motions: &[ImuSample], index: usize, bound: Option<f64>) -> Option<V
     let bound = bound?;
     let window = motions.get((index + 1).checked_sub(STOP_WINDOW)?..=index)?;
     let count = real(STOP_WINDOW);
-    let mean = window.iter().map(|m| m.accel_b).sum::<Vector3<f64>>() / count;
-    let spread: f64 = window
-        .iter()
-        .map(|m| (m.accel_b.x - mean.x).powi(2) + (m.accel_b.y - mean.y).powi(2))
-        .sum();
-    (spread / (count - 1.0) < bound).then_some(mean)
+    // Most samples are of a moving car: z is summed only at a stop, and nothing is kept from sample to sample that
+    // rounding could wear.
+    let (mut x, mut y) = (0.0, 0.0);
+    for sample in window {
+        x += sample.accel_b.x;
+        y += sample.accel_b.y;
+    }
+    let (x, y) = (x / count, y / count);
+    let mut spread = 0.0;
+    for sample in window {
+        let (dx, dy) = (sample.accel_b.x - x, sample.accel_b.y - y);
+        spread += dx * dx + dy * dy;
+    }
+    (spread / (count - 1.0) < bound).then(|| {
+        let z: f64 = window.iter().map(|sample| sample.accel_b.z).sum();
+        Vector3::new(x, y, z / count)
+    })
 }
 
 /// At a stop: no speed, roll and pitch of the mean specific force. Position, yaw and P stay; a fix that was due in this

@@ -73,10 +73,11 @@ pub fn velocity(
     };
     let oeb_b = w_b - bias - oie_b;
     // (2.7b to d), to first order, or the whole rotation.
-    let Cb_e_hat = match variant.orthogonal {
-        Reading::Published => Cb_e + Cb_e * oeb_b.cross_matrix() * dt,
-        Reading::Corrected => Cb_e * exp_so3(&(oeb_b * dt)),
+    let turned = match variant.orthogonal {
+        Reading::Published => Matrix3::identity() + (oeb_b * dt).cross_matrix(),
+        Reading::Corrected => exp_so3(&(oeb_b * dt)),
     };
+    let Cb_e_hat = Cb_e * turned;
     // (2.7e and f)
     let coriolis = oie_e.cross(&veb_e) * 2.0;
     let aeb_e = match variant.acceleration {
