@@ -55,10 +55,10 @@ impl Earth {
     /// On a sphere exact; else two steps of Bowring's formula, exact to rounding from the sea floor to orbit.
     #[must_use]
     pub fn geodetic(&self, r: &Vector3<f64>) -> [f64; 3] {
-        let p = r.x.hypot(r.y);
+        let p = (r.x * r.x + r.y * r.y).sqrt();
         let lon = r.y.atan2(r.x);
         if self.e2() == 0.0 {
-            return [r.z.atan2(p), lon, p.hypot(r.z) - self.a];
+            return [r.z.atan2(p), lon, (p * p + r.z * r.z).sqrt() - self.a];
         }
         let second = (self.a / self.b).powi(2) - 1.0;
         let mut reduced = (r.z * self.a).atan2(p * self.b);
@@ -75,12 +75,32 @@ impl Earth {
     }
 }
 
+impl Earth {
+    /// Latitude and longitude (rad) and height (m) of an ECEF position, m, and [`ecef_to_geographic`] there; on a
+    /// sphere the matrix comes from the position's ratios, without a sine.
+    #[must_use]
+    pub fn local(&self, r: &Vector3<f64>) -> ([f64; 3], Matrix3<f64>) {
+        let place = self.geodetic(r);
+        let p = (r.x * r.x + r.y * r.y).sqrt();
+        let n = (p * p + r.z * r.z).sqrt();
+        if self.e2() == 0.0 && p > 0.0 {
+            return (place, axes(r.z / n, p / n, r.y / p, r.x / p));
+        }
+        (place, ecef_to_geographic(place[0], place[1]))
+    }
+}
+
 /// The matrix of [S00, 2.4], 3 x 3: rows north, east, down in ECEF axes. It takes ECEF to geographic axes and the
 /// program uses its transpose for the other way; the text says it is the other way itself.
 #[must_use]
 pub fn ecef_to_geographic(lat: f64, lon: f64) -> Matrix3<f64> {
     let (sp, cp) = lat.sin_cos();
     let (sl, cl) = lon.sin_cos();
+    axes(sp, cp, sl, cl)
+}
+
+/// [`ecef_to_geographic`] of the sines and cosines of latitude and longitude.
+fn axes(sp: f64, cp: f64, sl: f64, cl: f64) -> Matrix3<f64> {
     Matrix3::new(
         -sp * cl,
         -sp * sl,

@@ -144,9 +144,10 @@ fn drive<E: Estimator>(
             if !x.iter().all(|value| value.is_finite()) {
                 return Err(PublishedError::Diverged { step });
             }
-            let [lat, lon, height] = setting.earth.geodetic(&x.fixed_rows::<3>(POS).into_owned());
+            let ([lat, lon, height], axes) =
+                setting.earth.local(&x.fixed_rows::<3>(POS).into_owned());
             if used != Used::Stop {
-                Ce_g = ecef_to_geographic(lat, lon);
+                Ce_g = axes;
             }
             steps.push(Step {
                 t_s: sample.t_s,

@@ -21,29 +21,53 @@ pub fn level(f_b: &Vector3<f64>) -> (f64, f64) {
     )
 }
 
+/// The three rotations of an attitude, made once.
+struct Attitude {
+    x: Matrix3<f64>,
+    y: Matrix3<f64>,
+    z: Matrix3<f64>,
+}
+
+impl Attitude {
+    fn new(roll: f64, pitch: f64, yaw: f64, variant: &Variant) -> Self {
+        let sense = variant.rotations;
+        Self {
+            x: rx(roll, sense),
+            y: ry(pitch, sense),
+            z: rz(yaw, sense),
+        }
+    }
+
+    fn body_to_geographic(&self, variant: &Variant) -> Matrix3<f64> {
+        match variant.roll {
+            Source::Program => self.z * self.y,
+            Source::Text => self.z * self.y * self.x,
+        }
+    }
+
+    fn gravity_b(&self, variant: &Variant) -> Vector3<f64> {
+        // The rotation by the negative angle is the transpose.
+        let g_g = Vector3::new(0.0, 0.0, GRAVITY);
+        match variant.gravity_order {
+            Reading::Published => self.y.tr_mul(&self.x.tr_mul(&g_g)),
+            Reading::Corrected => self.x.tr_mul(&self.y.tr_mul(&g_g)),
+        }
+    }
+}
+
 /// Body to geographic axes, 3 x 3 (2.5). The program sets roll to 0 here.
 #[must_use]
 pub fn body_to_geographic(roll: f64, pitch: f64, yaw: f64, variant: &Variant) -> Matrix3<f64> {
-    let sense = variant.rotations;
-    let tilt = rz(yaw, sense) * ry(pitch, sense);
-    match variant.roll {
-        Source::Program => tilt,
-        Source::Text => tilt * rx(roll, sense),
-    }
+    Attitude::new(roll, pitch, yaw, variant).body_to_geographic(variant)
 }
 
 /// Gravity in body axes, m/s^2, by the state's roll and pitch, as the program adds it to the specific force.
 ///
-/// Published, pitch is taken out before roll is; the inverse of (2.5) takes them in the other order. At 5 degrees
+/// Published, pitch is taken out after roll is; the inverse of (2.5) takes them in the other order. At 5 degrees
 /// of each the two are 0.005 m/s^2 apart.
 #[must_use]
 pub fn gravity_b(roll: f64, pitch: f64, variant: &Variant) -> Vector3<f64> {
-    let sense = variant.rotations;
-    let g_g = Vector3::new(0.0, 0.0, GRAVITY);
-    match variant.gravity_order {
-        Reading::Published => ry(-pitch, sense) * rx(-roll, sense) * g_g,
-        Reading::Corrected => rx(-roll, sense) * ry(-pitch, sense) * g_g,
-    }
+    Attitude::new(roll, pitch, 0.0, variant).gravity_b(variant)
 }
 
 /// Inertial velocity after a step of `dt` seconds, ECEF axes, m/s (2.7).
@@ -64,7 +88,8 @@ pub fn velocity(
     let veb_e = x.fixed_rows::<3>(VEL).into_owned();
     let bias = x.fixed_rows::<3>(BIAS).into_owned();
     let Cg_e = Ce_g.transpose();
-    let Cb_e = Cg_e * body_to_geographic(roll, pitch, yaw, variant);
+    let attitude = Attitude::new(roll, pitch, yaw, variant);
+    let Cb_e = Cg_e * attitude.body_to_geographic(variant);
     let oie_e = Vector3::new(0.0, 0.0, EARTH_RATE);
     // (2.7a); the text prints the matrix untransposed.
     let oie_b = match variant.earth_rate {
@@ -81,7 +106,7 @@ pub fn velocity(
     // (2.7e and f)
     let coriolis = oie_e.cross(&veb_e) * 2.0;
     let aeb_e = match variant.acceleration {
-        Source::Program => Cb_e_hat * (f_b + gravity_b(roll, pitch, variant)) - coriolis,
+        Source::Program => Cb_e_hat * (f_b + attitude.gravity_b(variant)) - coriolis,
         Source::Text => Cb_e * f_b - coriolis + Cg_e * Vector3::new(0.0, 0.0, GRAVITY),
     };
     let speed = match variant.speed {
@@ -94,5 +119,26 @@ pub fn velocity(
     match variant.turn {
         Reading::Published => forward * speed + aeb_e * dt,
         Reading::Corrected => forward * (speed + forward.dot(&aeb_e) * dt),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levelling and gravity are each other's inverse in the corrected order; in the published one they are not, quite.
+    #[test]
+    fn gravity_cancels_the_specific_force_at_rest() {
+        let angle = 5.0_f64.to_radians();
+        let mut variant = Variant::program();
+        variant.gravity_order = Reading::Corrected;
+        let right = gravity_b(angle, angle, &variant);
+        let (roll, pitch) = level(&-right);
+        assert!((roll - angle).abs() < 1e-15 && (pitch - angle).abs() < 1e-15);
+        let published = gravity_b(angle, angle, &Variant::program());
+        assert!(((published - right).norm() - 0.0046).abs() < 1e-4);
+        variant.roll = Source::Text;
+        let back = body_to_geographic(angle, angle, 1.0, &variant) * right;
+        assert!((back - Vector3::new(0.0, 0.0, GRAVITY)).norm() < 1e-14);
     }
 }
