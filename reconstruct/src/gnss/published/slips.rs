@@ -34,7 +34,7 @@ const fn slip(
     }
 }
 
-/// The slips, in the order of the source.
+/// The slips, equations first.
 pub const SLIPS: [Slip; 35] = [
     slip(
         "(2.1) to (2.3)",
@@ -117,7 +117,7 @@ pub const SLIPS: [Slip; 35] = [
         "(3.4) and (3.5)",
         "the velocity (2.7g), made of the state's own, is a measurement of it with (1 m/s)^2",
         "a prediction. As a measurement it tells of the sample's change only, of which the steady gain, \
-         0.246, enters: of 1 m/s^2 the filter sees a quarter. It is why 4.6 finds that the accelerometers \
+         0.246, enters: of 1 m/s^2 the filter sees a quarter. That is enough for 4.6 to find that the accelerometers \
          cannot hold the speed. And a velocity that turns is averaged with its past: 10 m/s at 0.5 rad/s \
          read 8.9 after 18 s",
         "as published",
@@ -295,7 +295,7 @@ pub const SLIPS: [Slip; 35] = [
     ),
     slip(
         "3.7 and 4.5",
-        "Ilsvikoera from fix 480 in the text, 481 in the figure and the program",
+        "Ilsvikøra from fix 480 in the text, 481 in the figure and the program",
         "481",
         "not used",
         "",
