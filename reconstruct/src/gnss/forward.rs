@@ -4,9 +4,9 @@
 //! anchor is moved to the car and the axes turn to it, so that Earth rate, transport rate and Coriolis are exact. Satellite
 //! errors change slowly; each fix counts as the share of an independent fact that its distance from the last one gives.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::drive::{Drive, Fixed, ReckonError};
+use super::drive::{Drive, Fixed, Period, ReckonError};
 use super::sheet::Sheet;
 use crate::constraint::Geometry;
 use crate::error_model::STATES;
@@ -27,13 +27,14 @@ const GATE: f64 = 13.8;
 /// Refusals of a position in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
 const PATIENCE: u32 = 3;
 /// Standstill, one sigma of one use, m/s.
-const STAND_SPEED_SD: f64 = 0.01;
+const STAND_SPEED_SD: f64 = 0.02;
 /// Time between two uses of standstill, s.
 const STAND_INTERVAL_S: f64 = 0.2;
-/// Springs of a standing car, rad/sqrt(s).
-const STAND_ANGLE_SD: f64 = 2e-4;
+/// Time in which a car that has stopped still rocks, s, and what its body turns after that, rad/s.
+const SPRINGS_S: f64 = 1.5;
+const STILL_RATE_SD: f64 = 5e-4;
 /// Mean of a level accelerometer at rest beside its noise, m/s^2.
-const LEVEL_SD: f64 = 0.005;
+const LEVEL_SD: f64 = 0.02;
 /// A car that the state says is faster than this beside its spread does not stand, m/s.
 const STAND_SPEED: f64 = 1.0;
 
@@ -58,6 +59,62 @@ pub struct Start {
     pub rate_bias: Option<(Vector3<f64>, f64)>,
 }
 
+/// Least speed of a fix whose course tells the heading, m/s [S00, 3.6].
+const COURSE_SPEED: f64 = 3.0;
+
+impl Start {
+    /// At the first fix that moves: its place, its velocity, its course as heading; the car level. The gyro bias is the
+    /// mean of the stands before it, where there are any.
+    ///
+    /// # Errors
+    /// [`ReckonError::Drive`] if no fix within the drive moves at 3 m/s or more.
+    pub fn at_first_course(drive: &Drive, standing: &[bool]) -> Result<Self, ReckonError> {
+        let fail = || ReckonError::Drive {
+            what: format!(
+                "expected a fix that moves at {COURSE_SPEED} m/s or more to start from, found none of {}",
+                drive.fixes.len()
+            ),
+        };
+        for fix in &drive.fixes {
+            let Some(v_n) = fix.v_n.filter(|v| v.xy().norm() >= COURSE_SPEED) else {
+                continue;
+            };
+            let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
+            if first >= drive.periods.len() || fix.t_s < drive.periods[0].t_s - drive.periods[0].dt
+            {
+                continue;
+            }
+            let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
+            for (period, still) in drive.periods[..first].iter().zip(standing) {
+                if *still {
+                    sum += period.rate;
+                    count += 1;
+                }
+            }
+            let course = v_n.y.atan2(v_n.x);
+            let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
+            return Ok(Self {
+                first,
+                place: fix.place,
+                place_sd: fix.place_sd,
+                v_n,
+                v_sd: fix.v_sd,
+                angles: [0.0, 0.0, course],
+                angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
+                rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
+            });
+        }
+        Err(fail())
+    }
+}
+
+/// Roll and pitch of a car on a road, rad.
+const LEVEL_ANGLE_SD: f64 = 0.04;
+/// Course against heading, rad: sideslip.
+const COURSE_SD: f64 = 0.02;
+/// Gyro bias from a stand some time ago, rad/s.
+const STAND_BIAS_SD: f64 = 5e-4;
+
 /// The state at the end of one period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -70,7 +127,7 @@ pub struct Estimate {
     /// Roll, pitch, heading, rad.
     pub angles: [f64; 3],
     /// Covariance of place, velocity and platform angles in the axes here.
-    pub p: nalgebra::SMatrix<f64, STATES, STATES>,
+    pub p: SMatrix<f64, STATES, STATES>,
     /// The car was taken to stand.
     pub standing: bool,
     /// A fix was used here.
@@ -103,6 +160,8 @@ pub struct Passed {
     pub estimates: Vec<Estimate>,
     /// Fixes.
     pub fixes: FixUse,
+    /// Mounting roll, one sigma, rad.
+    pub mounting_roll: f64,
 }
 
 struct Runner<'a> {
@@ -119,6 +178,12 @@ struct Runner<'a> {
     since_stand_s: f64,
     stood_s: f64,
     use_of: FixUse,
+    /// What a turn of everything about the vertical since the last fix is, as the pass carried it: see [`Runner::bind`].
+    turned: Row,
+    /// Variance of the place north, east, down that the last fix left out of the covariance, m^2: the mean of a few fixes is
+    /// no surer than what they have in common, and shares of independent facts are that only over times longer than the
+    /// filter remembers.
+    unseen: Vector3<f64>,
 }
 
 /// Runs the filter from `start` to the end of the drive. `standing` has one entry a period ([`super::stop`]).
@@ -178,9 +243,15 @@ pub fn run(
             &runner.anchor,
             &runner.run.nominal,
             &runner.run.p.fixed_view::<STATES, STATES>(0, 0).into_owned(),
-            stands,
-            fixed,
+            sheet.mounting[0],
         ));
+        if let Some(last) = estimates.last_mut() {
+            for axis in 0..3 {
+                last.p[(POS + axis, POS + axis)] += runner.unseen[axis];
+            }
+            last.standing = stands;
+            last.fixed = fixed;
+        }
         steps.push(Step {
             k,
             transition,
@@ -200,27 +271,31 @@ pub fn run(
         anchors,
         estimates,
         fixes: runner.use_of,
+        mounting_roll: sheet.mounting[0],
     })
 }
 
-/// The state in geodetic terms.
+/// The state in geodetic terms; `mounting_roll`, rad, is added to what is unsure of the car's roll.
 pub(super) fn estimate(
     t_s: f64,
     anchor: &Geodetic,
     nominal: &Nominal,
-    p: &nalgebra::SMatrix<f64, STATES, STATES>,
-    standing: bool,
-    fixed: bool,
+    p: &SMatrix<f64, STATES, STATES>,
+    mounting_roll: f64,
 ) -> Estimate {
     let (roll, pitch, heading) = nominal.nav.c_nb.euler();
+    let ahead = nominal.nav.c_nb.m.column(0);
+    let mut p = *p;
+    let mut tilt = p.fixed_view_mut::<3, 3>(ATT, ATT);
+    tilt += ahead * ahead.transpose() * mounting_roll.powi(2);
     Estimate {
         t_s,
         place: anchor.moved(&nominal.nav.r_n.v),
         v_n: nominal.nav.v_n.v,
         angles: [roll, pitch, heading.rem_euclid(std::f64::consts::TAU)],
-        p: *p,
-        standing,
-        fixed,
+        p,
+        standing: false,
+        fixed: false,
     }
 }
 
@@ -254,7 +329,21 @@ impl<'a> Runner<'a> {
             since_stand_s: 0.0,
             stood_s: 0.0,
             use_of: FixUse::default(),
+            turned: turn_of(&nominal),
+            unseen: Vector3::zeros(),
         }
+    }
+
+    /// The row of something that a car obeys, which tells nothing of where north is.
+    ///
+    /// About the true state it would not: a turn of attitude and velocity together is no residual. The filter carries that
+    /// turn on from estimates that it has since changed, and rows about the new ones see it: a second of a bend then makes the
+    /// heading surer without cause (120 s without fixes: squared error of the heading twice the variance). The row's share of
+    /// the heading is set to what leaves the carried turn unseen.
+    fn bind(&mut self, mut z: Scalar, gate: f64) -> bool {
+        let seen = z.h.dot(&self.turned);
+        z.h[ATT + 2] -= seen / self.turned[ATT + 2];
+        self.run.apply(&z, gate)
     }
 
     /// Locked wheels or a smooth road may look like a stand: the state must allow it.
@@ -270,20 +359,16 @@ impl<'a> Runner<'a> {
     fn step(&mut self, k: usize, stands: bool) -> Transition {
         let period = &self.drive.periods[k];
         let tuning = &self.sheet.tuning;
-        let transition = if stands {
-            Transition::standing(STAND_ANGLE_SD * period.dt.sqrt())
-        } else {
-            let nominal = &self.run.nominal;
-            let f_b = nominal.moving_force(&period.accel);
-            let w_b = nominal.rate(&period.rate, &self.earth);
-            let (next, view) = forward(&nominal.nav, f_b, w_b, period.dt, &self.earth);
-            let mut density = self.density(period.measured);
-            density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
-            let mounting = nominal.mounting();
-            self.run.nominal.nav = next;
-            self.since_slip_s += period.dt;
-            Transition::ahead(&view, &f_b, &w_b, period.dt, &density, &mounting)
-        };
+        let nominal = &self.run.nominal;
+        let f_b = nominal.moving_force(&period.accel);
+        let w_b = nominal.rate(&period.rate, &self.earth);
+        let (next, view) = forward(&nominal.nav, f_b, w_b, period.dt, &self.earth);
+        let mut density = self.density(period, stands);
+        density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
+        let mounting = nominal.mounting();
+        self.run.nominal.nav = next;
+        self.since_slip_s += period.dt;
+        let transition = Transition::ahead(&view, &f_b, &w_b, period.dt, &density, &mounting);
         let drift = [
             self.sheet.accel_drift.powi(2) * period.dt,
             self.sheet.rate_drift.powi(2) * period.dt,
@@ -292,6 +377,7 @@ impl<'a> Runner<'a> {
             .with_slip(tuning.slip_sd, tuning.slip_time_s, period.dt)
             .with_jump(drift);
         transition.predict(&mut self.run.p);
+        self.turned = transition.apply(&self.turned);
         self.run.nominal.cal[SLIP - STATES] *= transition.decay();
         self.travel();
         transition
@@ -311,14 +397,21 @@ impl<'a> Runner<'a> {
         self.earth = Earth::at(here.latitude, 0.0);
     }
 
-    fn density(&self, measured: bool) -> Density {
+    fn density(&self, period: &Period, stands: bool) -> Density {
         let sheet = self.sheet;
         let square = |v: &Vector3<f64>| v.component_mul(v);
-        let mut out = Density {
-            accel: square(&sheet.accel_density),
-            rate: square(&sheet.rate_density),
+        let mut out = if stands {
+            Density {
+                accel: square(&sheet.still_accel) * period.dt,
+                rate: square(&sheet.still_rate) * period.dt,
+            }
+        } else {
+            Density {
+                accel: square(&sheet.accel_density),
+                rate: square(&sheet.rate_density),
+            }
         };
-        if !measured {
+        if !period.measured {
             // What a held sample hides: a second of braking or of a bend.
             out.accel += Vector3::repeat(4.0);
             out.rate += Vector3::repeat(0.04);
@@ -378,6 +471,10 @@ impl<'a> Runner<'a> {
         }
         self.adapt(worst);
         self.fix_velocity(fix, age);
+        self.turned = turn_of(&self.run.nominal);
+        let common = sd.map(|sd| self.sheet.fix_correlated * sd * sd);
+        self.unseen =
+            Vector3::from_fn(|i, _| (common[i] - self.run.p[(POS + i, POS + i)]).max(0.0));
     }
 
     /// The noise of fixes grows where they jump more than they say, and comes back. The largest of three squares of one
@@ -428,7 +525,7 @@ impl<'a> Runner<'a> {
             .rate(&self.drive.periods[k].rate, &self.earth)
             .v;
         let z = measure::forward_speed(&self.run.nominal, &rate, &self.geometry, speed, sd);
-        self.run.apply(&z, 4.0 * GATE);
+        self.bind(z, 4.0 * GATE);
     }
 
     /// What a car obeys: it stands, or its rear axle goes where it points.
@@ -461,43 +558,54 @@ impl<'a> Runner<'a> {
             lateral,
             tuning.slip_white_mps,
         );
-        self.run.apply(&z, 2.0 * GATE);
+        self.bind(z, 2.0 * GATE);
         let widened = (2.0 * tuning.jump_correlation_s / tuning.slip_interval_s)
             .max(1.0)
             .sqrt();
         let sd = (tuning.jump[0] * speed + tuning.jump[1]) * widened;
         let z = measure::no_jump(&self.run.nominal, &rate, &self.geometry, sd);
-        self.run.apply(&z, 2.0 * GATE);
+        self.bind(z, 2.0 * GATE);
     }
 
-    /// Zero velocity; rates are the gyros' bias; the mean force is gravity.
+    /// Zero velocity; the mean force since the last use is gravity; once the springs are still, the mean rate is the gyros'
+    /// bias.
     fn stand(&mut self, k: usize) {
         for axis in 0..3 {
             let z = measure::standstill(&self.run.nominal, axis, STAND_SPEED_SD);
-            self.run.apply(&z, f64::INFINITY);
+            self.bind(z, f64::INFINITY);
         }
         let from = self.drive.periods[..=k]
             .iter()
-            .rposition(|p| p.t_s <= self.drive.periods[k].t_s - 1.0)
+            .rposition(|p| p.t_s <= self.drive.periods[k].t_s - STAND_INTERVAL_S + 1e-6)
             .map_or(0, |i| i + 1);
         let window = &self.drive.periods[from..=k];
         let n = schema::num::real(window.len());
         let accel = window.iter().map(|p| p.accel).sum::<Vector3<f64>>() / n;
         let rate = window.iter().map(|p| p.rate).sum::<Vector3<f64>>() / n;
-        // Windows overlap: five uses a second of one mean a second count as one.
-        let widened = (1.0 / STAND_INTERVAL_S).sqrt();
         for axis in 0..3 {
-            let sd = (self.sheet.still_accel[axis] / n.sqrt()).hypot(LEVEL_SD) * widened;
+            let sd = (self.sheet.still_accel[axis] / n.sqrt()).hypot(LEVEL_SD);
             let z = measure::levelling(&self.run.nominal, &accel, self.earth.gravity, axis, sd);
-            self.run.apply(&z, 4.0 * GATE);
+            self.bind(z, 4.0 * GATE);
+        }
+        if self.stood_s < SPRINGS_S {
+            return;
         }
         for axis in 0..3 {
             let found = self.run.nominal.rate(&rate, &self.earth).v[axis];
-            let sd = (self.sheet.still_rate[axis] / n.sqrt()).hypot(1e-4) * widened;
+            let sd = (self.sheet.still_rate[axis] / n.sqrt()).hypot(STILL_RATE_SD);
             let z = measure::rest_rate(found, axis, sd);
-            self.run.apply(&z, 4.0 * GATE);
+            self.bind(z, 4.0 * GATE);
         }
     }
+}
+
+/// A turn of the whole motion about the vertical by a radian, as errors: `psi = z`, `dv = -z x v`.
+fn turn_of(nominal: &Nominal) -> Row {
+    let mut turn = Row::zeros();
+    let v = -Vector3::z().cross(&nominal.nav.v_n.v);
+    turn.fixed_rows_mut::<3>(VEL).copy_from(&v);
+    turn[ATT + 2] = 1.0;
+    turn
 }
 
 /// What is known at the start.
@@ -512,8 +620,8 @@ fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
         set(BG + axis, start.rate_bias.map_or(sheet.rate_bias, |b| b.1));
         set(SG + axis, sheet.rate_scale);
     }
-    set(MOUNT_YAW, sheet.mounting[1]);
-    set(MOUNT_PITCH, sheet.mounting[0]);
+    set(MOUNT_YAW, sheet.mounting[2]);
+    set(MOUNT_PITCH, sheet.mounting[1]);
     set(SLIP_GRADIENT, sheet.tuning.slip_gradient[1]);
     set(SLIP, sheet.tuning.slip_sd);
     set(LEVER, sheet.geometry.imu_sd.x);

@@ -1,4 +1,4 @@
-//! The second seed: satellite fixes and inertial samples of a box behind the windscreen [S00].
+//! The second seed: satellite fixes and inertial samples of a box behind the windscreen S00.
 //!
 //! The raw logs [S00, 6.1 and 6.2], two text tables on one clock, the on-board unit's: 35 columns of fixes at about 1 Hz and
 //! 14 columns of accelerations and rates at 50 Hz. The formats are lists of columns; how the columns are separated is not
@@ -13,13 +13,14 @@
 //!
 //! What is made of them:
 //!
-//! 7. [`published`]: the filter of [S00], with its faults; the point of comparison.
+//! 7. [`published`]: the filter of S00, with its faults; the point of comparison.
 //! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
 //! 9. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
 
 mod columns;
 pub mod drive;
 pub mod error;
+pub mod experiments;
 mod fields;
 pub mod forward;
 pub mod layout;

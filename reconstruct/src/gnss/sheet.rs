@@ -30,8 +30,9 @@ pub struct Sheet {
     pub accel_drift: f64,
     /// Random walk of the gyro bias, rad/s/sqrt(s).
     pub rate_drift: f64,
-    /// Mounting pitch and yaw that the rough mounting leaves, rad.
-    pub mounting: [f64; 2],
+    /// Mounting roll, pitch and yaw that the rough mounting leaves, rad. The roll is no state: it is in the bounds of the
+    /// car's roll alone.
+    pub mounting: [f64; 3],
     /// Place of the sensor on the car.
     pub geometry: Geometry,
     /// Antenna from the sensor, body axes, m.
@@ -49,7 +50,7 @@ pub struct Sheet {
 }
 
 impl Default for Sheet {
-    /// The prototypes of [S00]: tables 4.1 (receiver 2), 4.4 to 4.7; behind the windscreen.
+    /// The prototypes of S00: tables 4.1 (receiver 2), 4.4 to 4.7; behind the windscreen.
     fn default() -> Self {
         Self {
             accel_density: Vector3::new(0.045, 0.031, 0.064),
@@ -61,8 +62,8 @@ impl Default for Sheet {
             rate_bias: 0.005,
             rate_scale: 0.005,
             accel_drift: 2e-3,
-            rate_drift: 1e-5,
-            mounting: [0.02, 0.03],
+            rate_drift: 3e-5,
+            mounting: [0.02, 0.02, 0.03],
             geometry: Geometry {
                 imu: Vector3::new(1.8, 0.0, -1.0),
                 imu_sd: Vector3::new(0.5, 0.3, 0.3),

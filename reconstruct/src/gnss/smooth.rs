@@ -15,14 +15,17 @@ pub fn smooth(passed: &Passed) -> Vec<Estimate> {
         let nominal = adjoint.nominal(&step.nominal, &step.p);
         let p = adjoint.covariance::<STATES>(&step.p);
         let filtered = &passed.estimates[i];
-        out[i] = estimate(
-            filtered.t_s,
-            &passed.anchors[i],
-            &nominal,
-            &p,
-            filtered.standing,
-            filtered.fixed,
-        );
+        out[i] = Estimate {
+            standing: filtered.standing,
+            fixed: filtered.fixed,
+            ..estimate(
+                filtered.t_s,
+                &passed.anchors[i],
+                &nominal,
+                &p,
+                passed.mounting_roll,
+            )
+        };
         adjoint.retreat(tape, i);
     }
     out

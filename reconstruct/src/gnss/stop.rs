@@ -8,6 +8,11 @@ use super::drive::Drive;
 /// Threshold on the sum of the two level variances over a second, (m/s^2)^2 [S00, 4.3].
 pub const PUBLISHED: f64 = 0.048;
 
+/// What [`Detector::hindsight`] is given for the filter, s: a car that still creeps must not be held.
+pub const ENTRY_S: f64 = 0.5;
+/// As [`ENTRY_S`], at the start.
+pub const EXIT_S: f64 = 0.6;
+
 /// Settings of our detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detector {
@@ -162,21 +167,31 @@ impl Detector {
         out
     }
 
-    /// The same known afterwards: where a whole window was still, the car stood all through it.
+    /// The same known a second later, as one who waits for a late fix knows it anyway: within a window that was still
+    /// throughout the car stood from `entry_s` before its end, and it began to move `exit_s` before that was noticed.
     #[must_use]
-    pub fn hindsight(&self, drive: &Drive, found: &[bool]) -> Vec<bool> {
-        let mut out = found.to_vec();
-        let mut until = f64::NEG_INFINITY;
-        for (k, period) in drive.periods.iter().enumerate().rev() {
-            if found.get(k).copied().unwrap_or(false) {
-                until = period.t_s - self.window_s;
+    pub fn hindsight(drive: &Drive, found: &[bool], entry_s: f64, exit_s: f64) -> Vec<bool> {
+        let mut out = vec![false; drive.periods.len()];
+        let mut k = 0;
+        while k < found.len() {
+            let end = k + found[k..].iter().take_while(|f| **f).count();
+            if end == k {
+                k += 1;
+                continue;
             }
-            if period.t_s > until + 1e-6
-                && until > f64::NEG_INFINITY
-                && let Some(flag) = out.get_mut(k)
-            {
-                *flag = true;
+            let ends = |k: usize| drive.periods.get(k).map_or(f64::INFINITY, |p| p.t_s);
+            let from = ends(k) - entry_s;
+            let to = if end == found.len() {
+                f64::INFINITY
+            } else {
+                ends(end) - exit_s
+            };
+            let first = drive.periods.partition_point(|p| p.t_s < from);
+            let last = drive.periods.partition_point(|p| p.t_s < to);
+            if let Some(stand) = out.get_mut(first..last.max(first)) {
+                stand.fill(true);
             }
+            k = end;
         }
         out
     }

@@ -1,4 +1,4 @@
-//! Drives through a town with a box behind the windscreen: what the prototypes of [S00] put out, and the truth.
+//! Drives through a town with a box behind the windscreen: what the prototypes of S00 put out, and the truth.
 //!
 //! The car and its driver are those of the crashes; the sensors have the noise of [S00, tables 4.1 and 4.4 to 4.7].
 
@@ -33,6 +33,8 @@ pub struct BoxSheet {
     pub accel_scale: f64,
     /// Gyro bias [S00, table 4.6].
     pub rate_bias: f64,
+    /// Random walk of the gyro bias, rad/s/sqrt(s): 6e-4 rad/s in ten minutes [S00, table 4.6].
+    pub rate_drift: f64,
     /// Gyro scale.
     pub rate_scale: f64,
     /// Rate at which the gyro's output wraps, rad/s [S00, 5.2]; `None`: never.
@@ -62,6 +64,7 @@ impl Default for BoxSheet {
             accel_bias: 0.05,
             accel_scale: 0.005,
             rate_bias: 0.003,
+            rate_drift: 2.4e-5,
             rate_scale: 0.003,
             rate_wrap: None,
             mounting: 0.5_f64.to_radians(),
@@ -120,9 +123,15 @@ pub struct CityDrive {
     pub fixes: Vec<BoxFix>,
     /// One entry a sample.
     pub truth: Vec<BoxTruth>,
-    /// Gyro bias, the car's axes, rad/s.
-    pub rate_bias: Vector3<f64>,
+    /// Gyro bias at each sample, the car's axes, rad/s.
+    pub rate_bias: Vec<Vector3<f64>>,
+    /// The same [`EARLIER_S`] before the drive: what a program knows that was told the bias of an earlier stop.
+    pub earlier_bias: Vector3<f64>,
 }
+
+/// Age of the bias that the experiments of S00 were told, at the begin of the drive, s: there it is that of the stop at fix
+/// 381, the window begins with fix 631 and here 40 s after the drive.
+pub const EARLIER_S: f64 = 210.0;
 
 /// The scenario: `seconds` of town traffic with stops at lights, ending in a stop.
 fn scenario(seed: u64, seconds: f64) -> Scenario {
@@ -219,13 +228,14 @@ pub fn drive(seed: u64, seconds: f64, sheet: &BoxSheet) -> Result<CityDrive, Sim
             mean(|f| f.rate) + c_bn * earth,
         ));
     }
-    let (samples, rate_bias) = sensors(&truth, &rates, sheet, &mut random);
+    let (samples, rate_bias, earlier_bias) = sensors(&truth, &rates, sheet, &mut random);
     let fixes = fixes(&truth, sheet, &mut random);
     Ok(CityDrive {
         samples,
         fixes,
         truth,
         rate_bias,
+        earlier_bias,
     })
 }
 
@@ -252,10 +262,14 @@ fn sensors(
     felt: &[(Vector3<f64>, Vector3<f64>)],
     sheet: &BoxSheet,
     random: &mut Random,
-) -> (Vec<BoxSample>, Vector3<f64>) {
+) -> (Vec<BoxSample>, Vec<Vector3<f64>>, Vector3<f64>) {
     let accel_bias = Vector3::from(random.normals(sheet.accel_bias));
     let accel_scale = Vector3::from(random.normals(sheet.accel_scale)).add_scalar(1.0);
-    let rate_bias = Vector3::from(random.normals(sheet.rate_bias));
+    let earlier = Vector3::from(random.normals(sheet.rate_bias));
+    let mut rate_bias =
+        earlier + Vector3::from(random.normals(sheet.rate_drift * EARLIER_S.sqrt()));
+    let mut biases = Vec::with_capacity(truth.len());
+    let walk = sheet.rate_drift / num::real(IMU_HZ).sqrt();
     let rate_scale = Vector3::from(random.normals(sheet.rate_scale)).add_scalar(1.0);
     let tilt = random.normals(sheet.mounting);
     let mounting = Rot::from_euler(tilt[0], tilt[1], tilt[2]).m.transpose();
@@ -273,6 +287,8 @@ fn sensors(
             + accel_bias
             + noise(&sheet.accel_variance, random)
             + idle;
+        rate_bias += Vector3::from(random.normals(walk));
+        biases.push(rate_bias);
         let mut rate = (mounting * rate).component_mul(&rate_scale)
             + rate_bias
             + noise(&sheet.rate_variance, random);
@@ -285,7 +301,8 @@ fn sensors(
             rate,
         }
     });
-    (samples.collect(), rate_bias)
+    let samples = samples.collect();
+    (samples, biases, earlier)
 }
 
 fn fixes(truth: &[BoxTruth], sheet: &BoxSheet, random: &mut Random) -> Vec<BoxFix> {
