@@ -12,6 +12,7 @@ mod decrypt;
 mod design;
 mod export;
 mod fetch;
+mod gnss;
 mod inspect;
 mod load;
 mod run;
@@ -54,6 +55,8 @@ enum Command {
     Validate(validate::Args),
     /// Expected bounds of a sensor on a manoeuvre, before anything is recorded
     Design(Box<design::Args>),
+    /// Satellite fixes and inertial samples of a box in the car: reckon, simulate, compare with S00
+    Gnss(gnss::Args),
     /// Fetch records from a recorder over a serial line
     Fetch(fetch::Args),
     /// Print the JSON Schema of summary.json
@@ -110,6 +113,9 @@ pub(crate) enum CliError {
     /// The read-out over a serial line.
     #[error(transparent)]
     Fetch(Box<reconstruct::fetch::FetchError>),
+    /// Satellite fixes and inertial samples.
+    #[error("{0}")]
+    Gnss(String),
     /// The token of the read-out.
     #[error("{place}: expected a token of 1 to 128 bytes, found {found} bytes")]
     Token {
@@ -193,6 +199,7 @@ pub(crate) fn main() -> u8 {
         },
         Command::Validate(args) => validate::run(&args),
         Command::Design(args) => design::run(&args),
+        Command::Gnss(args) => gnss::run(&args),
         Command::Fetch(args) => fetch::run(&args),
         Command::Schema => print(reconstruct::report::SUMMARY_SCHEMA).map(|()| SOUND),
     };

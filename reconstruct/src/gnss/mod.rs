@@ -15,7 +15,8 @@
 //!
 //! 7. [`published`]: the filter of S00, with its faults; the point of comparison.
 //! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
-//! 9. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
+//! 9. [`logs`]: rows to either filter, and a simulated drive to rows.
+//! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
 
 mod columns;
 pub mod drive;
@@ -25,6 +26,7 @@ mod fields;
 pub mod forward;
 pub mod layout;
 mod lines;
+pub mod logs;
 pub mod notes;
 pub mod published;
 pub mod read;

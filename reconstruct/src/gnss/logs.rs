@@ -1,0 +1,253 @@
+//! From the rows of the raw logs to what the filters take, and from a simulated drive to rows.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
+use super::published::sensor::{Orientation, to_body};
+use super::published::{GnssFix, ImuSample, Input};
+use super::read::without_repeats;
+use super::rows::{Fix, Head, Leg, MILLI_G, Motion};
+use super::sheet::Sheet;
+use super::time;
+use crate::simulate::city::{BoxSheet, CityDrive, IMU_HZ};
+use crate::wgs84::Geodetic;
+
+/// How the sensors sit in the car.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Axes {
+    /// As the tags of S00 did, with the rotations of its program.
+    Tag(Orientation),
+    /// Along the car: x forward, y right, z down.
+    Car,
+}
+
+impl Axes {
+    /// Stamp, specific force and rate in the car's axes, SI.
+    #[must_use]
+    pub fn turned(&self, row: &Motion) -> Stamped {
+        let (accel, rate) = match self {
+            Self::Tag(orientation) => to_body(
+                &Vector3::from(row.accel_milli_g()),
+                &Vector3::from(row.rate_milli_deg()),
+                orientation,
+            ),
+            Self::Car => (Vector3::from(row.accel), Vector3::from(row.rate)),
+        };
+        (row.head.obu_s, accel, rate)
+    }
+
+    /// The row of a specific force and a rate in the car's axes: the inverse of [`Self::turned`].
+    #[must_use]
+    pub fn row(&self, head: Head, accel: &Vector3<f64>, rate: &Vector3<f64>) -> Motion {
+        let (accel, rate) = match self {
+            Self::Tag(tag) => {
+                // The program's milli-g are those of its own gravity and scale.
+                let unit = Vector3::new(1.0, 0.0, 0.0);
+                let scale = to_body(&unit, &Vector3::zeros(), tag).0.norm();
+                (
+                    tag.accel().transpose() * accel * (MILLI_G / scale),
+                    -(tag.gyro().transpose() * rate),
+                )
+            }
+            Self::Car => (*accel, *rate),
+        };
+        Motion {
+            head,
+            accel: accel.into(),
+            rate: rate.into(),
+        }
+    }
+}
+
+/// Fixes as our filter takes them: good ones, `latency_s` taken off their stamps. What the receiver says of its errors is
+/// kept where it says something; the sheet sets the least.
+#[must_use]
+pub fn fixes(rows: &[Fix], latency_s: f64, sheet: &Sheet) -> Vec<Fixed> {
+    let course = |row: &Fix| Some((row.speed?, row.course?));
+    without_repeats(rows)
+        .iter()
+        .filter(|row| row.good != Some(false))
+        .map(|row| {
+            let flat = row
+                .horizontal_error
+                .map_or(0.0, |e| e / std::f64::consts::SQRT_2);
+            let said = [flat, flat, row.vertical_error.unwrap_or(0.0)];
+            let v_n = row.velocity_ned.map(Vector3::from).or_else(|| {
+                course(row).map(|(speed, course)| {
+                    Vector3::new(speed * course.cos(), speed * course.sin(), 0.0)
+                })
+            });
+            // A course says nothing of up and down: as unsure as a steep road.
+            let down = match (row.velocity_ned, v_n) {
+                (None, Some(v)) => 0.1 * v.norm() + 0.2,
+                _ => 0.0,
+            };
+            Fixed {
+                t_s: row.head.obu_s - latency_s,
+                place: place(row),
+                place_sd: Vector3::from_fn(|i, _| row.sd_ned[i].unwrap_or(said[i]))
+                    .zip_map(&sheet.fix_floor, f64::max),
+                v_n,
+                v_sd: sheet.fix_speed_floor + Vector3::new(0.0, 0.0, down),
+            }
+        })
+        .collect()
+}
+
+/// Place of a row; the height over the sea where that over the ellipsoid is not there, as in the source's program.
+#[must_use]
+pub fn place(row: &Fix) -> Geodetic {
+    Geodetic {
+        latitude: row.latitude,
+        longitude: row.longitude,
+        height: row.ellipsoid_height.or(row.sea_height).unwrap_or(0.0),
+    }
+}
+
+/// A drive from both logs.
+///
+/// # Errors
+/// [`ReckonError::Drive`]: see [`Drive::new`].
+pub fn drive(
+    motions: &[Motion],
+    axes: &Axes,
+    fixes: Vec<Fixed>,
+    speeds: Vec<Speed>,
+) -> Result<Drive, ReckonError> {
+    let samples: Vec<Stamped> = without_repeats(motions)
+        .iter()
+        .map(|row| axes.turned(row))
+        .collect();
+    Drive::new(&samples, &Matrix3::identity(), fixes, speeds)
+}
+
+/// The same as the published filter takes it; fixes without velocity are left out.
+#[must_use]
+pub fn published(motions: &[Motion], axes: &Axes, rows: &[Fix]) -> Input {
+    let fixes = without_repeats(rows);
+    let samples = without_repeats(motions);
+    Input {
+        fixes: fixes
+            .iter()
+            .filter_map(|row| {
+                Some(GnssFix {
+                    t_s: row.head.obu_s,
+                    lat: row.latitude,
+                    lon: row.longitude,
+                    height: row.sea_height.or(row.ellipsoid_height)?,
+                    v_ned: Vector3::from(row.velocity_ned?),
+                })
+            })
+            .collect(),
+        motions: samples
+            .iter()
+            .map(|row| {
+                let (t_s, accel_b, rate_b) = axes.turned(row);
+                ImuSample {
+                    t_s,
+                    accel_b,
+                    rate_b,
+                }
+            })
+            .collect(),
+    }
+}
+
+/// First moment of a simulated log, ms since 1970: the day of the source's first drive, ten o'clock.
+const START_MS: i64 = 1_377_511_200_000;
+/// GPS time less UTC then, s.
+const LEAP_S: i32 = 16;
+/// The on-board unit's clock at that moment, s.
+const OBU_S: f64 = 1000.0;
+/// Equipment of the box and of the reference receiver.
+const BOX: u32 = 2;
+const REFERENCE: u32 = 6;
+
+/// A simulated drive as logs: fixes and motions of the box, fixes of a reference receiver without error or delay, one a
+/// second.
+#[must_use]
+pub fn rows(city: &CityDrive, sheet: &BoxSheet, axes: &Axes) -> (Vec<Fix>, Vec<Motion>, Vec<Fix>) {
+    let fix = |equipment: u32,
+               [t_s, late_s]: [f64; 2],
+               place: &Geodetic,
+               v: &Vector3<f64>,
+               sd: Option<[f64; 3]>| Fix {
+        head: head(equipment, t_s, late_s),
+        good: Some(true),
+        fix_type: Some(3),
+        latitude: place.latitude,
+        longitude: place.longitude,
+        ellipsoid_height: Some(place.height),
+        sea_height: Some(place.height),
+        speed: Some(v.xy().norm()),
+        course: Some(v.y.atan2(v.x).rem_euclid(std::f64::consts::TAU)),
+        yaw: None,
+        pitch: None,
+        roll: None,
+        horizontal_error: sd.map(|sd| sd[0].hypot(sd[1])),
+        vertical_error: sd.map(|sd| sd[2]),
+        sd_ned: sd.map_or([None; 3], |sd| sd.map(Some)),
+        hdop: None,
+        pdop: None,
+        velocity_ned: Some((*v).into()),
+        satellites: None,
+        signal: None,
+        sbas: Some(false),
+        integrity_ned: [None; 3],
+    };
+    let fixes = city.fixes.iter();
+    let truth = city.truth.iter().step_by(IMU_HZ);
+    (
+        fixes
+            .map(|f| {
+                fix(
+                    BOX,
+                    [f.t_s - sheet.latency_s, sheet.latency_s],
+                    &f.place,
+                    &f.v_n,
+                    Some(sheet.fix),
+                )
+            })
+            .collect(),
+        city.samples
+            .iter()
+            .map(|s| axes.row(head(BOX, s.t_s, 0.0), &s.accel, &s.rate))
+            .collect(),
+        truth
+            .map(|t| fix(REFERENCE, [t.t_s, 0.0], &t.place, &t.v_n, None))
+            .collect(),
+    )
+}
+
+/// Of a row that was true at `t_s` and came `late_s` later.
+fn head(equipment: u32, t_s: f64, late_s: f64) -> Head {
+    let utc_ms = START_MS + schema::num::round_i64(1000.0 * t_s);
+    let gps = time::gps_time(utc_ms, LEAP_S);
+    Head {
+        leg: Leg {
+            equipment,
+            drive: 1,
+            leg: 1,
+        },
+        utc_ms: Some(utc_ms),
+        week: gps.map(|g| g.week),
+        tow_s: gps.map(|g| g.tow_s),
+        obu_s: OBU_S + t_s + late_s,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_there_and_back() {
+        let (accel, rate) = (Vector3::new(1.0, -2.0, -9.7), Vector3::new(0.01, -0.2, 0.5));
+        for axes in [Axes::Tag(Orientation::default()), Axes::Car] {
+            let row = axes.row(head(2, 3.0, 0.0), &accel, &rate);
+            let (t_s, a, w) = axes.turned(&row);
+            assert!((t_s - 1003.0).abs() < 1e-9);
+            assert!((a - accel).norm() < 1e-9 && (w - rate).norm() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! `reconstruct gnss` as a person and a script meet it.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking and prints what it measured"
+)]
+
+mod support;
+
+use std::path::Path;
+
+use reconstruct::gnss::logs::place;
+use reconstruct::gnss::read::{Tolerance, read_fixes};
+use reconstruct::wgs84::Geodetic;
+use schema::num::real;
+use support::{folder, reconstruct, stderr, stdout};
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Mean horizontal deviation of a track from the reference at the reference's seconds, m, and the seconds compared.
+fn deviation(track: &Path, reference: &Path) -> (f64, usize) {
+    let rows = read_fixes(
+        std::fs::read_to_string(reference).unwrap().as_bytes(),
+        "reference",
+        Tolerance::Strict,
+    )
+    .unwrap()
+    .rows;
+    let table = std::fs::read_to_string(track).unwrap();
+    let mut sum = 0.0;
+    let mut count = 0;
+    for line in table.lines().skip(1) {
+        let cell: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        let found = Geodetic {
+            latitude: cell[1].to_radians(),
+            longitude: cell[2].to_radians(),
+            height: cell[3],
+        };
+        if let Some(row) = rows.iter().find(|r| (r.head.obu_s - cell[0]).abs() < 0.002) {
+            sum += place(row).to(&found).xy().norm();
+            count += 1;
+        }
+    }
+    (sum / real(count), count)
+}
+
+#[test]
+fn a_simulated_drive_goes_through_both_filters() {
+    let dir = folder("gnss-run");
+    for axes in ["tag", "car"] {
+        let logs = dir.join(axes);
+        let made = reconstruct(&[
+            "gnss",
+            "simulate",
+            "--seed",
+            "90021",
+            "--axes",
+            axes,
+            "--out",
+            text(&logs),
+        ]);
+        assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+        let [fixes, motions, reference] =
+            ["fixes", "motions", "reference"].map(|n| logs.join(format!("{n}-90021.txt")));
+        let mut off = Vec::new();
+        for more in [
+            &["--filter", "refined"][..],
+            &["--filter", "refined", "--no-smoother"],
+            &["--filter", "refined", "--every", "10"],
+            &["--filter", "published", "--every", "10"],
+        ] {
+            let out = logs.join(more.concat());
+            let mut args = vec![
+                "gnss",
+                "run",
+                "--fixes",
+                text(&fixes),
+                "--motions",
+                text(&motions),
+                "--axes",
+                axes,
+                "--out",
+                text(&out),
+            ];
+            args.extend(more);
+            let result = reconstruct(&args);
+            assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+            assert!(stdout(&result).contains("track.csv"));
+            let (mean, seconds) = deviation(&out.join("track.csv"), &reference);
+            println!("{axes} {more:?}: {mean:.1} m over {seconds} s");
+            assert!(seconds > 150);
+            off.push(mean);
+        }
+        assert!(off[0] < 6.0 && off[1] < 8.0 && off[2] < 10.0, "{off:?}");
+        assert!(off[3] > off[2], "{off:?}");
+    }
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let dir = folder("gnss-wrong");
+    let made = reconstruct(&[
+        "gnss",
+        "simulate",
+        "--seed",
+        "90022",
+        "--seconds",
+        "60",
+        "--out",
+        text(&dir),
+    ]);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let [fixes, motions] = ["fixes", "motions"].map(|n| dir.join(format!("{n}-90022.txt")));
+    let out = dir.join("out");
+    let run = |fixes: &Path, motions: &Path, more: &[&str]| {
+        let mut args = vec![
+            "gnss",
+            "run",
+            "--fixes",
+            text(fixes),
+            "--motions",
+            text(motions),
+            "--out",
+            text(&out),
+        ];
+        args.extend(more);
+        let result = reconstruct(&args);
+        (result.status.code(), stderr(&result))
+    };
+    let (code, said) = run(&dir.join("none.txt"), &motions, &[]);
+    assert!(code == Some(1) && said.contains("none.txt"), "{said}");
+    // The logs the wrong way round.
+    let (code, said) = run(&motions, &fixes, &[]);
+    assert!(code == Some(1) && said.contains("35"), "{said}");
+    let (code, said) = run(&fixes, &motions, &["--equipment", "7"]);
+    assert!(
+        code == Some(1) && said.contains("expected one leg"),
+        "{said}"
+    );
+    let (code, said) = run(&fixes, &motions, &["--every", "NaN"]);
+    assert!(code == Some(1) && said.contains("--every"), "{said}");
+    // A log that is cut, and one with a hole: said, and done where it can be.
+    let whole = std::fs::read_to_string(&motions).unwrap();
+    let cut = dir.join("cut.txt");
+    std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    let (code, said) = run(&fixes, &cut, &[]);
+    assert!(code == Some(1) && said.contains("cut"), "{said}");
+    let lines: Vec<&str> = whole.lines().collect();
+    let holed = [&lines[..1000], &lines[1060..]].concat().join("\n") + "\n";
+    let hole = dir.join("hole.txt");
+    std::fs::write(&hole, holed).unwrap();
+    let (code, said) = run(&fixes, &hole, &[]);
+    assert!(code == Some(3) && said.contains("gap"), "{code:?} {said}");
+    let long = [&lines[..1000], &lines[1400..]].concat().join("\n") + "\n";
+    std::fs::write(&hole, long).unwrap();
+    let (code, said) = run(&fixes, &hole, &[]);
+    assert!(
+        code == Some(1) && said.contains("no inertial sample for"),
+        "{code:?} {said}"
+    );
+}
+
+#[test]
+fn slips_and_experiments_are_listed() {
+    let slips = reconstruct(&["gnss", "slips"]);
+    assert_eq!(slips.status.code(), Some(0));
+    assert!(stdout(&slips).contains("(2.4)") && stdout(&slips).matches("right:").count() > 30);
+    let table = reconstruct(&["gnss", "experiments", "--seeds", "1..1", "--json"]);
+    assert_eq!(table.status.code(), Some(0), "{}", stderr(&table));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&table)).unwrap();
+    assert_eq!(json["rows"].as_array().unwrap().len(), 6);
+    let wrong = reconstruct(&["gnss", "experiments", "--seeds", "5..1"]);
+    assert_eq!(wrong.status.code(), Some(2));
+}
