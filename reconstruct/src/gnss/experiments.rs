@@ -331,7 +331,10 @@ fn one(window: &Window<'_>, whole: &Drive) -> Result<Outcome, ExperimentError> {
     let before = whole.fixes.iter().filter(|f| f.t_s <= given.t_s + 1e-6);
     part.fixes = before.copied().chain(part.fixes).collect();
     let standing = stands(&part);
-    let start = Start::at_first_course(&part, &standing)?;
+    let mut start = Start::at_first_course(&part, &standing)?;
+    // As the program: the bias of an earlier stop.
+    let bias_sd = known.rate_drift * EARLIER_S.sqrt();
+    start.rate_bias = start.rate_bias.or(Some((city.earlier_bias, bias_sd)));
     let passed = forward::run(&part, &standing, &known, &start)?;
     let smoothed = smooth(&passed);
     let most = |list: &[(Vector2<f64>, Estimate)]| list.iter().fold(0.0, |m, e| e.0.norm().max(m));
