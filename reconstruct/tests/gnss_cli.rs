@@ -70,6 +70,8 @@ fn a_simulated_drive_goes_through_both_filters() {
             &["--filter", "refined", "--no-smoother"],
             &["--filter", "refined", "--every", "10"],
             &["--filter", "published", "--every", "10"],
+            &["--filter", "refined", "--every", "10", "--exact-speed"],
+            &["--filter", "published", "--every", "10", "--exact-speed"],
         ] {
             let out = logs.join(more.concat());
             let mut args = vec![
@@ -83,18 +85,25 @@ fn a_simulated_drive_goes_through_both_filters() {
                 axes,
                 "--out",
                 text(&out),
+                "--reference",
+                text(&reference),
             ];
             args.extend(more);
             let result = reconstruct(&args);
             assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
             assert!(stdout(&result).contains("track.csv"));
             let (mean, seconds) = deviation(&out.join("track.csv"), &reference);
-            println!("{axes} {more:?}: {mean:.1} m over {seconds} s");
+            let summary: serde_json::Value =
+                serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+            let said = &summary["deviation"];
+            println!("{axes} {more:?}: {mean:.1} m over {seconds} s; {said}");
+            assert!((said["mean_m"].as_f64().unwrap() - mean).abs() < 0.2);
+            assert!(said["p95_m"].as_f64().unwrap() <= said["largest_m"].as_f64().unwrap());
             assert!(seconds > 150);
             off.push(mean);
         }
         assert!(off[0] < 6.0 && off[1] < 8.0 && off[2] < 10.0, "{off:?}");
-        assert!(off[3] > off[2], "{off:?}");
+        assert!(off[3] > off[2] && off[5] > off[4], "{off:?}");
     }
 }
 

@@ -1,29 +1,21 @@
 //! `reconstruct gnss`: satellite fixes and inertial samples of a box in the car [S00].
 
 use std::fmt::Write;
-use std::fs::File;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
 use reconstruct::gnss::experiments::{self, Experiment, Outcome};
-use reconstruct::gnss::forward::{self, Estimate, Start};
 use reconstruct::gnss::layout::Layout;
 use reconstruct::gnss::logs::{self, Axes};
+use reconstruct::gnss::published::SLIPS;
 use reconstruct::gnss::published::sensor::Orientation;
-use reconstruct::gnss::published::{self, Initial, Options, SLIPS};
-use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
-use reconstruct::gnss::rows::{Fix, Motion};
-use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
-use reconstruct::gnss::stop::{Detector, ENTRY_S, EXIT_S};
 use reconstruct::gnss::write::{write_fixes, write_motions};
 use reconstruct::simulate::city::{self, BoxSheet};
 use reconstruct::validate::workers;
 use schema::num::real;
 use serde_json::json;
 
-use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file};
+use crate::cli::{CliError, SOUND, complain, gnss_run, print, print_json, write_file};
 
 /// Arguments of `gnss`.
 #[derive(Debug, clap::Args)]
@@ -35,7 +27,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Reckon a drive from a log of fixes and one of inertial samples: track.csv and summary.json
-    Run(Box<RunArgs>),
+    Run(Box<gnss_run::Args>),
     /// Make both logs, and those of a reference receiver, of a town drive with known truth
     Simulate(SimulateArgs),
     /// The experiments of S00 on simulated drives: its filter and ours
@@ -45,15 +37,7 @@ enum Command {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Filter {
-    /// Ours: error states on WGS 84
-    Refined,
-    /// That of S00, with its faults
-    Published,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum SensorAxes {
+pub(crate) enum SensorAxes {
     /// Those of the tags of S00
     Tag,
     /// Those of the car: x forward, y right, z down
@@ -67,49 +51,6 @@ impl From<SensorAxes> for Axes {
             SensorAxes::Car => Self::Car,
         }
     }
-}
-
-#[derive(Debug, clap::Args)]
-struct RunArgs {
-    /// Log of fixes, 35 columns
-    #[arg(long, value_name = "FILE")]
-    fixes: PathBuf,
-    /// Log of accelerations and rates, 14 columns
-    #[arg(long, value_name = "FILE")]
-    motions: PathBuf,
-    /// Equipment to take, where the logs hold several
-    #[arg(long, value_name = "ID")]
-    equipment: Option<u32>,
-    /// Drive to take
-    #[arg(long, value_name = "ID")]
-    drive: Option<u32>,
-    /// Leg to take
-    #[arg(long, value_name = "ID")]
-    leg: Option<u32>,
-    /// Filter
-    #[arg(long, value_enum, default_value = "refined")]
-    filter: Filter,
-    /// The running filter's answer instead of the smoothed one (refined)
-    #[arg(long)]
-    no_smoother: bool,
-    /// Use one fix each so many seconds
-    #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
-    every: f64,
-    /// No stop detector
-    #[arg(long)]
-    no_stop: bool,
-    /// Axes of the inertial sensors
-    #[arg(long, value_enum, default_value = "tag")]
-    axes: SensorAxes,
-    /// Delay of the fixes behind the inertial samples
-    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
-    latency: f64,
-    /// Skip lines that cannot be read, and count them
-    #[arg(long)]
-    skip_broken: bool,
-    /// Folder for the results; made if it is not there
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]
@@ -155,258 +96,17 @@ fn seeds(text: &str) -> Result<std::ops::RangeInclusive<u64>, String> {
 }
 
 /// A failure in words, exit code 1.
-fn failed(error: &dyn std::fmt::Display) -> CliError {
+pub(crate) fn failed(error: &dyn std::fmt::Display) -> CliError {
     CliError::Gnss(error.to_string())
 }
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     match &args.command {
-        Command::Run(args) => reckon(args),
+        Command::Run(args) => gnss_run::run(args),
         Command::Simulate(args) => simulate(args),
         Command::Experiments(args) => experiment(args),
         Command::Slips => slips(),
     }
-}
-
-fn open(path: &Path) -> Result<BufReader<File>, CliError> {
-    File::open(path)
-        .map(BufReader::new)
-        .map_err(|error| CliError::file(path, error))
-}
-
-fn notes<T>(path: &Path, read: &Read<T>) -> Vec<String> {
-    let notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
-    for note in &notes {
-        complain("note", &format!("{}: {note}", path.display()));
-    }
-    notes
-}
-
-fn reckon(args: &RunArgs) -> Result<u8, CliError> {
-    for (name, value) in [("--every", args.every), ("--latency", args.latency)] {
-        if !(value.is_finite() && (0.0..=3600.0).contains(&value)) {
-            return Err(failed(&format!(
-                "{name}: expected 0 to 3600 s, found {value}"
-            )));
-        }
-    }
-    let tolerance = if args.skip_broken {
-        Tolerance::SkipBroken
-    } else {
-        Tolerance::Strict
-    };
-    let named = |path: &Path| path.display().to_string();
-    let fixes =
-        read_fixes(open(&args.fixes)?, &named(&args.fixes), tolerance).map_err(|e| failed(&e))?;
-    let motions = read_motions(open(&args.motions)?, &named(&args.motions), tolerance)
-        .map_err(|e| failed(&e))?;
-    let said = [notes(&args.fixes, &fixes), notes(&args.motions, &motions)];
-    let chosen_fixes = fixes.select(args.equipment, args.drive, args.leg);
-    let chosen = motions.select(args.equipment, args.drive, args.leg);
-    one_leg(&fixes, chosen_fixes.len(), args, &args.fixes)?;
-    one_leg(&motions, chosen.len(), args, &args.motions)?;
-    let (track, used) = match args.filter {
-        Filter::Refined => refined(args, &chosen_fixes, &chosen)?,
-        Filter::Published => by_published(args, &chosen_fixes, &chosen)?,
-    };
-    std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
-    write_file(&args.out.join("track.csv"), csv(&track).as_bytes())?;
-    let summary = json!({
-        "filter": args.filter.to_possible_value().map(|v| v.get_name().to_owned()),
-        "smoothed": args.filter == Filter::Refined && !args.no_smoother,
-        "fixes_every_s": args.every, "latency_s": args.latency, "stop_detector": !args.no_stop,
-        "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
-        "samples": track.len(), "fixes": used,
-        "standing_s": standing_s(&track),
-        "notes": { "fixes": said[0], "motions": said[1] },
-    });
-    write_file(
-        &args.out.join("summary.json"),
-        format!("{summary:#}\n").as_bytes(),
-    )?;
-    print(&format!("{}\n", args.out.join("track.csv").display()))?;
-    Ok(if said.iter().all(Vec::is_empty) {
-        SOUND
-    } else {
-        GAPS
-    })
-}
-
-/// Several legs in one log are several drives on several clocks: one has to be chosen.
-fn one_leg<T: reconstruct::gnss::rows::Row>(
-    read: &Read<T>,
-    chosen: usize,
-    args: &RunArgs,
-    path: &Path,
-) -> Result<(), CliError> {
-    let fits = |choice: Option<u32>, id: u32| choice.is_none_or(|c| c == id);
-    let legs: Vec<String> = read
-        .legs()
-        .iter()
-        .filter(|(l, _)| {
-            fits(args.equipment, l.equipment) && fits(args.drive, l.drive) && fits(args.leg, l.leg)
-        })
-        .map(|(l, rows)| {
-            format!(
-                "equipment {} drive {} leg {} ({rows} rows)",
-                l.equipment, l.drive, l.leg
-            )
-        })
-        .collect();
-    if legs.len() == 1 && chosen > 0 {
-        return Ok(());
-    }
-    Err(failed(&format!(
-        "{}: expected one leg (--equipment, --drive, --leg), found {}",
-        path.display(),
-        if legs.is_empty() {
-            "none".to_owned()
-        } else {
-            legs.join(", ")
-        }
-    )))
-}
-
-fn refined(
-    args: &RunArgs,
-    fixes: &[Fix],
-    motions: &[Motion],
-) -> Result<(Vec<Estimate>, serde_json::Value), CliError> {
-    let sheet = Sheet::default();
-    let fixed = logs::fixes(fixes, args.latency, &sheet);
-    let drive = logs::drive(motions, &args.axes.into(), fixed, Vec::new())
-        .map_err(|e| failed(&e))?
-        .thinned(args.every);
-    let found = if args.no_stop {
-        vec![false; drive.periods.len()]
-    } else {
-        Detector::default().detect(&drive)
-    };
-    let standing = Detector::hindsight(&drive, &found, ENTRY_S, EXIT_S);
-    let start = Start::at_first_course(&drive, &standing).map_err(|e| failed(&e))?;
-    let sheet = sheet.heard(&drive, &found);
-    let passed = forward::run(&drive, &standing, &sheet, &start).map_err(|e| failed(&e))?;
-    let track = if args.no_smoother {
-        passed.estimates.clone()
-    } else {
-        smooth(&passed)
-    };
-    let f = &passed.fixes;
-    Ok((
-        track,
-        json!({ "offered": f.offered, "used": f.used, "refused": f.refused, "forced": f.forced }),
-    ))
-}
-
-fn by_published(
-    args: &RunArgs,
-    fixes: &[Fix],
-    motions: &[Motion],
-) -> Result<(Vec<Estimate>, serde_json::Value), CliError> {
-    let input = logs::published(motions, &args.axes.into(), fixes);
-    let moving = input
-        .fixes
-        .iter()
-        .position(|f| f.v_ned.norm() >= 3.0)
-        .ok_or_else(|| failed(&"fixes: expected one that moves at 3 m/s or more, found none"))?;
-    let mut input = input;
-    input.fixes.drain(..moving);
-    let period = 0.02;
-    let latency = schema::num::round_usize(args.latency / period);
-    // The program wants samples ahead of its first fix.
-    let lead = input.motions.first().map_or(0.0, |m| m.t_s) + real(latency + 60) * period;
-    input.fixes.retain(|f| f.t_s >= lead);
-    let first = *input.fixes.first().ok_or_else(|| {
-        failed(&"fixes: expected one after the first inertial samples, found none")
-    })?;
-    let initial = Initial::from_reference(&first, &first.v_ned);
-    let options = Options {
-        every: Some(schema::num::round_usize(args.every).max(1)),
-        stop: if args.no_stop {
-            None
-        } else {
-            Options::default().stop
-        },
-        latency,
-        ..Options::default()
-    };
-    let steps = published::run(&input, &initial, &options).map_err(|e| failed(&e))?;
-    let used = steps
-        .iter()
-        .filter(|s| s.used == published::Used::Gnss)
-        .count();
-    let track = steps
-        .iter()
-        .map(|step| {
-            let place = reconstruct::wgs84::Geodetic {
-                latitude: step.lat,
-                longitude: step.lon,
-                height: step.height,
-            };
-            let to_local = place.c_en().transpose();
-            let mut p = nalgebra::SMatrix::<f64, 9, 9>::zeros();
-            for i in 0..9 {
-                p[(i, i)] = step.variances[i];
-            }
-            let angles = step.angles();
-            Estimate {
-                t_s: step.t_s - args.latency,
-                place,
-                v_n: to_local * step.velocity(),
-                angles: [
-                    angles.x,
-                    angles.y,
-                    angles.z.rem_euclid(std::f64::consts::TAU),
-                ],
-                p,
-                standing: step.used == published::Used::Stop,
-                fixed: step.used == published::Used::Gnss,
-            }
-        })
-        .collect();
-    Ok((track, json!({ "offered": input.fixes.len(), "used": used })))
-}
-
-fn standing_s(track: &[Estimate]) -> f64 {
-    track
-        .windows(2)
-        .filter(|w| w[1].standing)
-        .map(|w| w[1].t_s - w[0].t_s)
-        .sum()
-}
-
-/// `t_s` is the box's clock.
-fn csv(track: &[Estimate]) -> String {
-    let mut out = String::from(
-        "t_s,latitude_deg,longitude_deg,height_m,v_north_mps,v_east_mps,v_down_mps,roll_deg,pitch_deg,heading_deg,sd_north_m,sd_east_m,cov_north_east_m2,sd_down_m,sd_v_north_mps,sd_v_east_mps,sd_heading_deg,standing,fix_used\n",
-    );
-    for e in track {
-        let sd = |i: usize| e.p[(i, i)].max(0.0).sqrt();
-        let _ = writeln!(
-            out,
-            "{:.3},{:.9},{:.9},{:.3},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3},{:.3},{:.3},{:.4},{:.3},{:.4},{:.4},{:.3},{},{}",
-            e.t_s,
-            e.place.latitude.to_degrees(),
-            e.place.longitude.to_degrees(),
-            e.place.height,
-            e.v_n.x,
-            e.v_n.y,
-            e.v_n.z,
-            e.angles[0].to_degrees(),
-            e.angles[1].to_degrees(),
-            e.angles[2].to_degrees(),
-            sd(0),
-            sd(1),
-            e.p[(0, 1)],
-            sd(2),
-            sd(3),
-            sd(4),
-            sd(8).to_degrees(),
-            u8::from(e.standing),
-            u8::from(e.fixed),
-        );
-    }
-    out
 }
 
 fn simulate(args: &SimulateArgs) -> Result<u8, CliError> {
