@@ -31,8 +31,12 @@ pub struct Detector {
     /// A mean specific force or rate that differs from that of the stand so far by more than this, and three sigmas of its
     /// own noise, ends it: m/s^2 and rad/s. Over a second the first is the speed that the car has taken up.
     pub shift: [f64; 2],
-    /// Speed of a fix below which the car may stand and above which it moves, m/s: between them the state stays.
+    /// Speed of a fix up to which the car may stand: m/s, and one-sigma spreads of the fix's velocity on top. A stand ends
+    /// at twice that.
     pub speed: [f64; 2],
+    /// Without a fix a stand shakes no more than this many times what it did at stands that fixes told: a car that rolls
+    /// slowly on a smooth road is quiet, but not as quiet.
+    pub idle: f64,
     /// A fix says nothing about instants more than this after it, s.
     pub speed_age_s: f64,
 }
@@ -44,7 +48,8 @@ impl Default for Detector {
             accel: [[1.0, 1.0], [PUBLISHED, 0.15]],
             rate: [4e-4, 6e-5],
             shift: [0.1, 0.01],
-            speed: [0.7, 1.5],
+            speed: [0.1, 1.25],
+            idle: 4.0,
             speed_age_s: 1.6,
         }
     }
@@ -127,6 +132,7 @@ impl Detector {
         let mut stand: Option<[Vector3<f64>; 2]> = None;
         let mut next_fix = 0;
         let mut count: f64 = 0.0;
+        let mut idle: Option<[f64; 3]> = None;
         for (window, period) in windows(drive, self.window_s).iter().zip(&drive.periods) {
             while drive
                 .fixes
@@ -139,16 +145,27 @@ impl Detector {
                 .checked_sub(1)
                 .and_then(|i| drive.fixes.get(i))
                 .filter(|f| period.t_s - f.t_s <= self.speed_age_s)
-                .and_then(|f| f.v_n)
-                .map(|v| v.xy().norm());
+                .and_then(|f| f.v_n.map(|v| (v.xy().norm(), f.v_sd.xy().norm())));
             let [accel, rate] = window.variances();
             let means = window.means();
             let deaf = usize::from(heard.is_none());
             let [level, along] = self.accel[deaf];
-            let quiet =
-                accel.x + accel.y < level && accel.z < along && rate.sum() < self.rate[deaf];
+            let shaken = [accel.x + accel.y, accel.z, rate.sum()];
+            let fixed = [level, along, self.rate[deaf]];
+            let quiet = (0..3).all(|i| {
+                let known = idle.map_or(f64::INFINITY, |idle: [f64; 3]| self.idle * idle[i]);
+                let bound = if deaf == 1 {
+                    fixed[i].min(known)
+                } else {
+                    fixed[i]
+                };
+                shaken[i] < bound
+            });
             let whole = window.n * period.dt > 0.9 * self.window_s;
-            let slow = heard.is_none_or(|v| v < self.speed[usize::from(stand.is_some())]);
+            let slow = heard.is_none_or(|(v, sd)| {
+                let bound = self.speed[0] + self.speed[1] * sd;
+                v < bound * if stand.is_some() { 2.0 } else { 1.0 }
+            });
             let noise = [accel, rate].map(|v| (9.0 * v.sum() / window.n.max(1.0)).sqrt());
             let same = stand.as_ref().is_none_or(|[a, w]| {
                 (means[0] - a).norm() < self.shift[0] + noise[0]
@@ -156,6 +173,12 @@ impl Detector {
             });
             if quiet && whole && slow && same {
                 count += 1.0;
+                if deaf == 0 {
+                    let mean = idle.get_or_insert(shaken);
+                    for (mean, now) in mean.iter_mut().zip(shaken) {
+                        *mean += 0.02 * (now - *mean);
+                    }
+                }
                 let known = stand.get_or_insert(means);
                 // The mean of the stand so far, led by its last ten seconds.
                 let gain = 1.0 / count.min(real(500_usize));
