@@ -4,28 +4,28 @@
 //! anchor is moved to the car and the axes turn to it, so that Earth rate, transport rate and Coriolis are exact. Satellite
 //! errors change slowly; each fix counts as the share of an independent fact that its distance from the last one gives.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+mod fix;
+mod start;
 
-use super::drive::{Drive, Fixed, Period, ReckonError};
+use nalgebra::{SMatrix, Vector3};
+
+use super::drive::{Drive, Period, ReckonError};
 use super::sheet::Sheet;
 use crate::constraint::Geometry;
-use crate::error_model::STATES;
-use crate::error_model::{ATT, POS, VEL};
-use crate::frame::{Rot, Vec3, skew};
+use crate::error_model::{ATT, POS, STATES, VEL};
+use crate::frame::{Rot, Vec3};
 use crate::mechanize::{Earth, Nav9, forward};
 use crate::refined::measure::{self, Scalar};
 use crate::refined::running::Running;
-use crate::refined::states::{
-    BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PARAMS, Row, SA, SG, SLIP, SLIP_GRADIENT,
-};
-use crate::refined::tape::{Source, Step, Tape};
+use crate::refined::states::{BG, Nominal, PARAMS, Row, SLIP, SLIP_GRADIENT};
+use crate::refined::tape::{Step, Tape};
 use crate::refined::transition::{Density, Transition};
 use crate::wgs84::Geodetic;
+pub use start::Start;
+use start::prior;
 
 /// Gate of one innovation: chi-square with one degree.
 const GATE: f64 = 13.8;
-/// Refusals of a position in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
-const PATIENCE: u32 = 3;
 /// Standstill, one sigma of one use, m/s.
 const STAND_SPEED_SD: f64 = 0.02;
 /// Time between two uses of standstill, s.
@@ -37,83 +37,6 @@ const STILL_RATE_SD: f64 = 5e-4;
 const LEVEL_SD: f64 = 0.02;
 /// A car that the state says is faster than this beside its spread does not stand, m/s.
 const STAND_SPEED: f64 = 1.0;
-
-/// Where the filter starts: the state at the end of the period `first`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Start {
-    /// Index of the period.
-    pub first: usize,
-    /// Place.
-    pub place: Geodetic,
-    /// One sigma of it, north, east, down, m.
-    pub place_sd: Vector3<f64>,
-    /// Velocity, m/s.
-    pub v_n: Vector3<f64>,
-    /// One sigma, m/s.
-    pub v_sd: Vector3<f64>,
-    /// Roll, pitch, heading, rad.
-    pub angles: [f64; 3],
-    /// One sigma of each, rad.
-    pub angles_sd: [f64; 3],
-    /// Gyro bias in the axes of the periods, rad/s, and one sigma; `None`: zero within the sheet.
-    pub rate_bias: Option<(Vector3<f64>, f64)>,
-}
-
-/// Least speed of a fix whose course tells the heading, m/s [S00, 3.6].
-const COURSE_SPEED: f64 = 3.0;
-
-impl Start {
-    /// At the first fix that moves: its place, its velocity, its course as heading; the car level. The gyro bias is the
-    /// mean of the stands before it, where there are any.
-    ///
-    /// # Errors
-    /// [`ReckonError::Drive`] if no fix within the drive moves at 3 m/s or more.
-    pub fn at_first_course(drive: &Drive, standing: &[bool]) -> Result<Self, ReckonError> {
-        let fail = || ReckonError::Drive {
-            what: format!(
-                "expected a fix that moves at {COURSE_SPEED} m/s or more to start from, found none of {}",
-                drive.fixes.len()
-            ),
-        };
-        for fix in &drive.fixes {
-            let Some(v_n) = fix.v_n.filter(|v| v.xy().norm() >= COURSE_SPEED) else {
-                continue;
-            };
-            let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
-            if first >= drive.periods.len() || fix.t_s < drive.periods[0].t_s - drive.periods[0].dt
-            {
-                continue;
-            }
-            let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
-            for (period, still) in drive.periods[..first].iter().zip(standing) {
-                if *still {
-                    sum += period.rate;
-                    count += 1;
-                }
-            }
-            let course = v_n.y.atan2(v_n.x);
-            let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
-            return Ok(Self {
-                first,
-                place: fix.place,
-                place_sd: fix.place_sd,
-                v_n,
-                v_sd: fix.v_sd,
-                angles: [0.0, 0.0, course],
-                angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
-                rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
-            });
-        }
-        Err(fail())
-    }
-}
-
-/// Roll and pitch of a car on a road, rad.
-const LEVEL_ANGLE_SD: f64 = 0.04;
-/// Course against heading, rad: sideslip.
-const COURSE_SD: f64 = 0.02;
-/// Gyro bias from a stand some time ago, rad/s.
-const STAND_BIAS_SD: f64 = 5e-4;
 
 /// The state at the end of one period.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -419,105 +342,6 @@ impl<'a> Runner<'a> {
         out
     }
 
-    /// Position and velocity of a fix, true `age` before the state.
-    fn fix(&mut self, fix: &Fixed, t_s: f64) {
-        self.use_of.offered += 1;
-        let since = self.last_fix_t.map_or(f64::INFINITY, |t| fix.t_s - t);
-        self.last_fix_t = Some(fix.t_s);
-        let age = t_s - fix.t_s;
-        let lever = self.run.nominal.nav.c_nb.m * self.sheet.antenna;
-        let wanted = self.anchor.to(&fix.place);
-        let sd = fix.place_sd.zip_map(&self.sheet.fix_floor, f64::max);
-        let counts = (2.0 * self.sheet.fix_time_s / since.max(1e-3)).max(1.0);
-        let variance = |axis: usize| {
-            let share = self.sheet.fix_correlated;
-            sd[axis].powi(2) * (share * counts + 1.0 - share)
-        };
-        let row = |run: &Running, axis: usize, r: f64| {
-            let nav = &run.nominal.nav;
-            let mut h = Row::zeros();
-            h[POS + axis] = 1.0;
-            h[VEL + axis] = -age;
-            h.fixed_rows_mut::<3>(ATT)
-                .copy_from(&skew(&lever).row(axis).transpose());
-            Scalar {
-                source: Source::Fix,
-                residual: nav.r_n.v[axis] + lever[axis] - nav.v_n.v[axis] * age - wanted[axis],
-                h,
-                r,
-            }
-        };
-        let mut worst: f64 = 0.0;
-        for axis in 0..3 {
-            let z = row(&self.run, axis, variance(axis) * self.inflate);
-            let s = z.h.dot(&(self.run.p * z.h)) + z.r;
-            worst = worst.max(z.residual.powi(2) / s);
-        }
-        let forced = worst > GATE && self.refused >= PATIENCE;
-        if worst > GATE && !forced {
-            self.refused += 1;
-            self.use_of.refused += 1;
-        } else {
-            self.refused = 0;
-            self.use_of.forced += u64::from(forced);
-            self.use_of.used += u64::from(!forced);
-            for axis in 0..3 {
-                let mut z = row(&self.run, axis, variance(axis) * self.inflate);
-                if forced {
-                    z.r += z.residual.powi(2);
-                }
-                self.run.apply(&z, f64::INFINITY);
-            }
-        }
-        self.adapt(worst);
-        self.fix_velocity(fix, age);
-        self.turned = turn_of(&self.run.nominal);
-        let common = sd.map(|sd| self.sheet.fix_correlated * sd * sd);
-        self.unseen =
-            Vector3::from_fn(|i, _| (common[i] - self.run.p[(POS + i, POS + i)]).max(0.0));
-    }
-
-    /// The noise of fixes grows where they jump more than they say, and comes back. The largest of three squares of one
-    /// sigma is 2.4 in the mean.
-    fn adapt(&mut self, worst: f64) {
-        let off = (worst / 2.4 - 1.0).clamp(-0.5, 4.0);
-        self.inflate = (self.inflate * (1.0 + 0.2 * off)).clamp(1.0, 25.0);
-    }
-
-    fn fix_velocity(&mut self, fix: &Fixed, age: f64) {
-        let Some(v_n) = fix.v_n else {
-            return;
-        };
-        // The car's acceleration takes the velocity back to the fix's instant.
-        let k = self
-            .drive
-            .periods
-            .partition_point(|p| p.t_s < fix.t_s)
-            .min(self.drive.periods.len() - 1);
-        let period = &self.drive.periods[k];
-        let nominal = &self.run.nominal;
-        let f_n = nominal.nav.c_nb.m * nominal.moving_force(&period.accel).v;
-        let a_n = f_n + Vector3::new(0.0, 0.0, self.earth.gravity);
-        let rate = nominal.rate(&period.rate, &self.earth).v;
-        let lever = nominal.nav.c_nb.m * rate.cross(&self.sheet.antenna);
-        let sd = fix.v_sd.zip_map(&self.sheet.fix_speed_floor, f64::max);
-        for axis in 0..3 {
-            let mut h = Row::zeros();
-            h[VEL + axis] = 1.0;
-            h.fixed_rows_mut::<3>(ATT)
-                .copy_from(&skew(&lever).row(axis).transpose());
-            let z = Scalar {
-                source: Source::Fix,
-                residual: self.run.nominal.nav.v_n.v[axis] + lever[axis]
-                    - a_n[axis] * age
-                    - v_n[axis],
-                h,
-                r: sd[axis].powi(2) * self.inflate + (0.3 * age).powi(2),
-            };
-            self.run.apply(&z, GATE);
-        }
-    }
-
     fn speed(&mut self, k: usize, speed: f64, sd: f64) {
         let rate = self
             .run
@@ -606,31 +430,4 @@ fn turn_of(nominal: &Nominal) -> Row {
     turn.fixed_rows_mut::<3>(VEL).copy_from(&v);
     turn[ATT + 2] = 1.0;
     turn
-}
-
-/// What is known at the start.
-fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
-    let mut p = Cov::from_diagonal_element(1e-12);
-    let mut set = |state: usize, sd: f64| p[(state, state)] = (sd * sd).max(1e-12);
-    for axis in 0..3 {
-        set(POS + axis, start.place_sd[axis]);
-        set(VEL + axis, start.v_sd[axis]);
-        set(BA + axis, sheet.accel_bias);
-        set(SA + axis, sheet.accel_scale);
-        set(BG + axis, start.rate_bias.map_or(sheet.rate_bias, |b| b.1));
-        set(SG + axis, sheet.rate_scale);
-    }
-    set(MOUNT_YAW, sheet.mounting[2]);
-    set(MOUNT_PITCH, sheet.mounting[1]);
-    set(SLIP_GRADIENT, sheet.tuning.slip_gradient[1]);
-    set(SLIP, sheet.tuning.slip_sd);
-    set(LEVER, sheet.geometry.imu_sd.x);
-    // Errors of roll, pitch and heading as platform angles: euler error = J psi.
-    let jacobian = nominal.nav.c_nb.euler_jacobian();
-    let angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
-    if let Some(inverse) = jacobian.try_inverse() {
-        let block = inverse * angles * inverse.transpose();
-        p.fixed_view_mut::<3, 3>(ATT, ATT).copy_from(&block);
-    }
-    p
 }

@@ -1,0 +1,116 @@
+//! What a fix tells: place and velocity, with the share of news that its distance from the last one gives.
+
+use nalgebra::Vector3;
+
+use super::{GATE, Runner, turn_of};
+use crate::error_model::{ATT, POS, VEL};
+use crate::frame::skew;
+use crate::gnss::drive::Fixed;
+use crate::refined::measure::Scalar;
+use crate::refined::running::Running;
+use crate::refined::states::Row;
+use crate::refined::tape::Source;
+
+/// Refusals of a position in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
+const PATIENCE: u32 = 3;
+
+impl Runner<'_> {
+    /// Position and velocity of a fix, true `age` before the state.
+    pub(super) fn fix(&mut self, fix: &Fixed, t_s: f64) {
+        self.use_of.offered += 1;
+        let since = self.last_fix_t.map_or(f64::INFINITY, |t| fix.t_s - t);
+        self.last_fix_t = Some(fix.t_s);
+        let age = t_s - fix.t_s;
+        let lever = self.run.nominal.nav.c_nb.m * self.sheet.antenna;
+        let wanted = self.anchor.to(&fix.place);
+        let sd = fix.place_sd.zip_map(&self.sheet.fix_floor, f64::max);
+        let counts = (2.0 * self.sheet.fix_time_s / since.max(1e-3)).max(1.0);
+        let variance = |axis: usize| {
+            let share = self.sheet.fix_correlated;
+            sd[axis].powi(2) * (share * counts + 1.0 - share)
+        };
+        let row = |run: &Running, axis: usize, r: f64| {
+            let nav = &run.nominal.nav;
+            let mut h = Row::zeros();
+            h[POS + axis] = 1.0;
+            h[VEL + axis] = -age;
+            h.fixed_rows_mut::<3>(ATT)
+                .copy_from(&skew(&lever).row(axis).transpose());
+            Scalar {
+                source: Source::Fix,
+                residual: nav.r_n.v[axis] + lever[axis] - nav.v_n.v[axis] * age - wanted[axis],
+                h,
+                r,
+            }
+        };
+        let mut worst: f64 = 0.0;
+        for axis in 0..3 {
+            let z = row(&self.run, axis, variance(axis) * self.inflate);
+            let s = z.h.dot(&(self.run.p * z.h)) + z.r;
+            worst = worst.max(z.residual.powi(2) / s);
+        }
+        let forced = worst > GATE && self.refused >= PATIENCE;
+        if worst > GATE && !forced {
+            self.refused += 1;
+            self.use_of.refused += 1;
+        } else {
+            self.refused = 0;
+            self.use_of.forced += u64::from(forced);
+            self.use_of.used += u64::from(!forced);
+            for axis in 0..3 {
+                let mut z = row(&self.run, axis, variance(axis) * self.inflate);
+                if forced {
+                    z.r += z.residual.powi(2);
+                }
+                self.run.apply(&z, f64::INFINITY);
+            }
+        }
+        self.adapt(worst);
+        self.fix_velocity(fix, age);
+        self.turned = turn_of(&self.run.nominal);
+        let common = sd.map(|sd| self.sheet.fix_correlated * sd * sd);
+        self.unseen =
+            Vector3::from_fn(|i, _| (common[i] - self.run.p[(POS + i, POS + i)]).max(0.0));
+    }
+
+    /// The noise of fixes grows where they jump more than they say, and comes back. The largest of three squares of one
+    /// sigma is 2.4 in the mean.
+    fn adapt(&mut self, worst: f64) {
+        let off = (worst / 2.4 - 1.0).clamp(-0.5, 4.0);
+        self.inflate = (self.inflate * (1.0 + 0.2 * off)).clamp(1.0, 25.0);
+    }
+
+    fn fix_velocity(&mut self, fix: &Fixed, age: f64) {
+        let Some(v_n) = fix.v_n else {
+            return;
+        };
+        // The car's acceleration takes the velocity back to the fix's instant.
+        let k = self
+            .drive
+            .periods
+            .partition_point(|p| p.t_s < fix.t_s)
+            .min(self.drive.periods.len() - 1);
+        let period = &self.drive.periods[k];
+        let nominal = &self.run.nominal;
+        let f_n = nominal.nav.c_nb.m * nominal.moving_force(&period.accel).v;
+        let a_n = f_n + Vector3::new(0.0, 0.0, self.earth.gravity);
+        let rate = nominal.rate(&period.rate, &self.earth).v;
+        let lever = nominal.nav.c_nb.m * rate.cross(&self.sheet.antenna);
+        let sd = fix.v_sd.zip_map(&self.sheet.fix_speed_floor, f64::max);
+        for axis in 0..3 {
+            let mut h = Row::zeros();
+            h[VEL + axis] = 1.0;
+            h.fixed_rows_mut::<3>(ATT)
+                .copy_from(&skew(&lever).row(axis).transpose());
+            let z = Scalar {
+                source: Source::Fix,
+                residual: self.run.nominal.nav.v_n.v[axis] + lever[axis]
+                    - a_n[axis] * age
+                    - v_n[axis],
+                h,
+                r: sd[axis].powi(2) * self.inflate + (0.3 * age).powi(2),
+            };
+            self.run.apply(&z, GATE);
+        }
+    }
+}

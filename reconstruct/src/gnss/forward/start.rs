@@ -1,0 +1,115 @@
+//! Where the filter starts and how unsure it is there.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::error_model::{ATT, POS, VEL};
+use crate::gnss::drive::{Drive, ReckonError};
+use crate::gnss::sheet::Sheet;
+use crate::refined::states::{
+    BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, SA, SG, SLIP, SLIP_GRADIENT,
+};
+use crate::wgs84::Geodetic;
+
+/// Where the filter starts: the state at the end of the period `first`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Index of the period.
+    pub first: usize,
+    /// Place.
+    pub place: Geodetic,
+    /// One sigma of it, north, east, down, m.
+    pub place_sd: Vector3<f64>,
+    /// Velocity, m/s.
+    pub v_n: Vector3<f64>,
+    /// One sigma, m/s.
+    pub v_sd: Vector3<f64>,
+    /// Roll, pitch, heading, rad.
+    pub angles: [f64; 3],
+    /// One sigma of each, rad.
+    pub angles_sd: [f64; 3],
+    /// Gyro bias in the axes of the periods, rad/s, and one sigma; `None`: zero within the sheet.
+    pub rate_bias: Option<(Vector3<f64>, f64)>,
+}
+
+/// Least speed of a fix whose course tells the heading, m/s [S00, 3.6].
+const COURSE_SPEED: f64 = 3.0;
+
+impl Start {
+    /// At the first fix that moves: its place, its velocity, its course as heading; the car level. The gyro bias is the
+    /// mean of the stands before it, where there are any.
+    ///
+    /// # Errors
+    /// [`ReckonError::Drive`] if no fix within the drive moves at 3 m/s or more.
+    pub fn at_first_course(drive: &Drive, standing: &[bool]) -> Result<Self, ReckonError> {
+        let fail = || ReckonError::Drive {
+            what: format!(
+                "expected a fix that moves at {COURSE_SPEED} m/s or more to start from, found none of {}",
+                drive.fixes.len()
+            ),
+        };
+        for fix in &drive.fixes {
+            let Some(v_n) = fix.v_n.filter(|v| v.xy().norm() >= COURSE_SPEED) else {
+                continue;
+            };
+            let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
+            if first >= drive.periods.len() || fix.t_s < drive.periods[0].t_s - drive.periods[0].dt
+            {
+                continue;
+            }
+            let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
+            for (period, still) in drive.periods[..first].iter().zip(standing) {
+                if *still {
+                    sum += period.rate;
+                    count += 1;
+                }
+            }
+            let course = v_n.y.atan2(v_n.x);
+            let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
+            return Ok(Self {
+                first,
+                place: fix.place,
+                place_sd: fix.place_sd,
+                v_n,
+                v_sd: fix.v_sd,
+                angles: [0.0, 0.0, course],
+                angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
+                rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
+            });
+        }
+        Err(fail())
+    }
+}
+
+/// Roll and pitch of a car on a road, rad.
+const LEVEL_ANGLE_SD: f64 = 0.04;
+/// Course against heading, rad: sideslip.
+const COURSE_SD: f64 = 0.02;
+/// Gyro bias from a stand some time ago, rad/s.
+const STAND_BIAS_SD: f64 = 5e-4;
+
+/// What is known at the start.
+pub(super) fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
+    let mut p = Cov::from_diagonal_element(1e-12);
+    let mut set = |state: usize, sd: f64| p[(state, state)] = (sd * sd).max(1e-12);
+    for axis in 0..3 {
+        set(POS + axis, start.place_sd[axis]);
+        set(VEL + axis, start.v_sd[axis]);
+        set(BA + axis, sheet.accel_bias);
+        set(SA + axis, sheet.accel_scale);
+        set(BG + axis, start.rate_bias.map_or(sheet.rate_bias, |b| b.1));
+        set(SG + axis, sheet.rate_scale);
+    }
+    set(MOUNT_YAW, sheet.mounting[2]);
+    set(MOUNT_PITCH, sheet.mounting[1]);
+    set(SLIP_GRADIENT, sheet.tuning.slip_gradient[1]);
+    set(SLIP, sheet.tuning.slip_sd);
+    set(LEVER, sheet.geometry.imu_sd.x);
+    // Errors of roll, pitch and heading as platform angles: euler error = J psi.
+    let jacobian = nominal.nav.c_nb.euler_jacobian();
+    let angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
+    if let Some(inverse) = jacobian.try_inverse() {
+        let block = inverse * angles * inverse.transpose();
+        p.fixed_view_mut::<3, 3>(ATT, ATT).copy_from(&block);
+    }
+    p
+}
