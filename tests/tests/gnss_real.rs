@@ -6,7 +6,7 @@
     reason = "a test fails by panicking and prints what it measured"
 )]
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use reconstruct::gnss::drive::{Drive, Fixed, Stamped};
 use reconstruct::gnss::forward::{self, Start};
 use reconstruct::gnss::published::{self, GnssFix, ImuSample, Initial, Input, Options};
@@ -109,13 +109,7 @@ impl Real {
     }
 
     fn drive(&self) -> Drive {
-        Drive::new(
-            &self.samples,
-            &Matrix3::identity(),
-            self.fixes(),
-            Vec::new(),
-        )
-        .unwrap()
+        Drive::new(&self.samples, self.fixes(), Vec::new()).unwrap()
     }
 
     fn off(&self, t: f64, place: &Geodetic) -> Option<f64> {

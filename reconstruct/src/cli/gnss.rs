@@ -15,6 +15,7 @@ use reconstruct::validate::workers;
 use schema::num::real;
 use serde_json::json;
 
+use crate::cli::validate::{Seeds, seeds};
 use crate::cli::{CliError, SOUND, complain, gnss_run, print, print_json, write_file};
 
 /// Arguments of `gnss`.
@@ -73,26 +74,10 @@ struct SimulateArgs {
 struct ExperimentArgs {
     /// Seeds of the drives, first and last
     #[arg(long, default_value = "90001..90010", value_name = "FIRST..LAST", value_parser = seeds)]
-    seeds: std::ops::RangeInclusive<u64>,
+    seeds: Seeds,
     /// Print JSON
     #[arg(long)]
     json: bool,
-}
-
-fn seeds(text: &str) -> Result<std::ops::RangeInclusive<u64>, String> {
-    let wrong = || {
-        format!(
-            "expected FIRST..LAST with FIRST at most LAST and at most 10000 seeds, found `{text}`"
-        )
-    };
-    let (first, last) = text.split_once("..").ok_or_else(wrong)?;
-    let first: u64 = first.parse().map_err(|_| wrong())?;
-    let last: u64 = last.parse().map_err(|_| wrong())?;
-    if first <= last && last - first < 10_000 {
-        Ok(first..=last)
-    } else {
-        Err(wrong())
-    }
 }
 
 /// A failure in words, exit code 1.
@@ -132,7 +117,7 @@ fn simulate(args: &SimulateArgs) -> Result<u8, CliError> {
 
 fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
     let sheet = BoxSheet::default();
-    let jobs: Vec<u64> = args.seeds.clone().collect();
+    let jobs: Vec<u64> = (args.seeds.first..=args.seeds.last).collect();
     let threads = std::thread::available_parallelism().map_or(2, usize::from);
     let mut all: Vec<Outcome> = Vec::new();
     for result in workers::run(
@@ -180,7 +165,7 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
         }));
     }
     if args.json {
-        print_json(&json!({ "seeds": [args.seeds.start(), args.seeds.end()], "rows": rows }))?;
+        print_json(&json!({ "seeds": [args.seeds.first, args.seeds.last], "rows": rows }))?;
     } else {
         print(&text)?;
     }

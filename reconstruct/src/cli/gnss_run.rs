@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use reconstruct::gnss::drive::Speed;
 use reconstruct::gnss::forward::{self, Estimate, Start};
 use reconstruct::gnss::logs;
+use reconstruct::gnss::published::constants::{DT, GATE};
 use reconstruct::gnss::published::{self, GnssFix, Initial, Options, SpeedAid, SpeedUse};
 use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
 use reconstruct::gnss::rows::{Fix, Motion};
@@ -234,18 +235,16 @@ fn by_published(
     motions: &[Motion],
     speeds: &[Speed],
 ) -> Result<(Vec<Estimate>, serde_json::Value), CliError> {
-    let input = logs::published(motions, &args.axes.into(), fixes);
+    let mut input = logs::published(motions, &args.axes.into(), fixes);
     let moving = input
         .fixes
         .iter()
-        .position(|f| f.v_ned.norm() >= 3.0)
+        .position(|f| f.v_ned.norm() >= GATE)
         .ok_or_else(|| failed(&"fixes: expected one that moves at 3 m/s or more, found none"))?;
-    let mut input = input;
     input.fixes.drain(..moving);
-    let period = 0.02;
-    let latency = schema::num::round_usize(args.latency / period);
+    let latency = schema::num::round_usize(args.latency / DT);
     // The program wants samples ahead of its first fix.
-    let lead = input.motions.first().map_or(0.0, |m| m.t_s) + real(latency + 60) * period;
+    let lead = input.motions.first().map_or(0.0, |m| m.t_s) + real(latency + 60) * DT;
     input.fixes.retain(|f| f.t_s >= lead);
     let first = *input.fixes.first().ok_or_else(|| {
         failed(&"fixes: expected one after the first inertial samples, found none")
@@ -346,11 +345,7 @@ fn deviation(track: &[Estimate], reference: &[Fix]) -> serde_json::Value {
         // Where the sample lies some milliseconds beside the stamp, the velocity takes it there.
         let here = e.place.moved(&(e.v_n * (t - e.t_s)));
         let d = logs::place(row).to(&here).xy();
-        let p = e.p.fixed_view::<2, 2>(0, 0).into_owned();
-        let held = p
-            .try_inverse()
-            .is_some_and(|inverse| (d.transpose() * inverse * d)[0] < 5.991);
-        inside += usize::from(held);
+        inside += usize::from(e.holds(&d, 0.95));
         off.push(d.norm());
     }
     if off.is_empty() {

@@ -74,9 +74,9 @@ struct Show {
 
 /// First and last seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Seeds {
-    first: u64,
-    last: u64,
+pub(crate) struct Seeds {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
 }
 
 /// Most crashes of one class in one run: the scores of all are held in memory.
@@ -88,7 +88,7 @@ fn class(text: &str) -> Result<Class, String> {
         .map_err(|error: reconstruct::simulate::SimulateError| error.to_string())
 }
 
-fn seeds(text: &str) -> Result<Seeds, String> {
+pub(crate) fn seeds(text: &str) -> Result<Seeds, String> {
     let fault = || format!("expected FIRST..LAST, such as 1..100, found {text:?}");
     let (first, last) = text.split_once("..").ok_or_else(fault)?;
     let number = |part: &str| part.trim().parse::<u64>().map_err(|_| fault());

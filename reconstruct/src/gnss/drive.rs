@@ -1,6 +1,6 @@
 //! A drive as our filter takes it: inertial periods in the car's axes, fixes at the instants they were true.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use schema::num::real;
 
 use crate::wgs84::Geodetic;
@@ -79,11 +79,11 @@ pub struct Drive {
 /// Longest hole bridged by holding the last sample, s: after that the drive ends, and what follows is another one.
 const LONGEST_HOLE_S: f64 = 5.0;
 
-/// What the sensors put out at one stamp, their own axes: stamp in s, specific force in m/s^2, rate in rad/s.
+/// What the sensors put out at one stamp, the car's axes: stamp in s, specific force in m/s^2, rate in rad/s.
 pub type Stamped = (f64, Vector3<f64>, Vector3<f64>);
 
 impl Drive {
-    /// From stamped samples in order of time, turned from the sensors' axes by `c_bs`. Samples stand for the period that
+    /// From stamped samples in order of time. Samples stand for the period that
     /// ends with their stamp; the nominal period is the median. A hole is filled with periods that hold the sample before
     /// it and are marked.
     ///
@@ -91,7 +91,6 @@ impl Drive {
     /// [`ReckonError::Drive`] for fewer than two samples, stamps that do not rise, or a hole beyond 5 s.
     pub fn new(
         samples: &[Stamped],
-        c_bs: &Matrix3<f64>,
         fixes: Vec<Fixed>,
         speeds: Vec<Speed>,
     ) -> Result<Self, ReckonError> {
@@ -140,8 +139,8 @@ impl Drive {
             periods.push(Period {
                 t_s: *t_s,
                 dt: t_s - last,
-                accel: c_bs * accel,
-                rate: c_bs * rate,
+                accel: *accel,
+                rate: *rate,
                 measured: true,
             });
             last = *t_s;

@@ -5,7 +5,7 @@
 //! the same start, and with a fix each second until the window begins. A window's figure is the largest horizontal deviation
 //! from the truth at its full seconds.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use schema::num::real;
 
 use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
@@ -17,11 +17,8 @@ use super::sheet::Sheet;
 use super::smooth::smooth;
 use super::stop::{Detector, ENTRY_S, EXIT_S};
 use crate::simulate::city::{self, BoxSheet, CityDrive, EARLIER_S, IMU_HZ};
-
 use crate::wgs84::Geodetic;
 
-/// Chi-square of two degrees at 95 %.
-const INSIDE_95: f64 = 5.991;
 /// Length of a drive, s.
 const DRIVE_S: f64 = 200.0;
 /// First sample of the first window, and samples between two of them.
@@ -122,6 +119,7 @@ pub enum ExperimentError {
 pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError> {
     let city = city::drive(seed, DRIVE_S, sheet)?;
     let drive = drive(&city, sheet)?;
+    let known = Sheet::default().heard(&drive, &Detector::default().detect(&drive));
     let mut out = Vec::new();
     for experiment in Experiment::ALL {
         let windows = if experiment.length() == LENGTHS[0] {
@@ -134,7 +132,7 @@ pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError>
             let moving = city.truth.get(first).is_some_and(|t| t.speed >= MOVING);
             if moving && first + experiment.length() < city.truth.len() {
                 let window = Window::new(experiment, &city, &drive, sheet, first);
-                out.push(one(&window, &drive)?);
+                out.push(one(&window, &drive, &known)?);
             }
         }
     }
@@ -162,7 +160,7 @@ pub fn drive(city: &CityDrive, sheet: &BoxSheet) -> Result<Drive, ReckonError> {
             v_sd: Vector3::from(sheet.fix_speed),
         })
         .collect();
-    Drive::new(&samples, &Matrix3::identity(), fixes, Vec::new())
+    Drive::new(&samples, fixes, Vec::new())
 }
 
 /// One window of a drive.
@@ -213,11 +211,11 @@ impl<'a> Window<'a> {
         self.city.truth[k].place.to(place).xy()
     }
 
-    /// Largest deviation of the published filter, m.
-    fn published(&self, variant: Variant) -> Result<f64, ExperimentError> {
-        let (city, first) = (self.city, self.first);
+    /// What the published filter takes: the whole drive's samples, the window's fixes.
+    fn input(&self) -> Input {
+        let city = self.city;
         let fixes = self.part.fixes.iter();
-        let input = Input {
+        Input {
             fixes: fixes
                 .map(|f| GnssFix {
                     t_s: f.t_s + self.sheet.latency_s,
@@ -236,7 +234,12 @@ impl<'a> Window<'a> {
                     rate_b: s.rate,
                 })
                 .collect(),
-        };
+        }
+    }
+
+    /// Largest deviation of the published filter, m.
+    fn published(&self, input: &Input, variant: Variant) -> Result<f64, ExperimentError> {
+        let (city, first) = (self.city, self.first);
         let mut initial = Initial::from_reference(&input.fixes[0], &city.truth[first].v_n);
         initial.yaw = city.truth[first].angles[2];
         initial.bias = city.earlier_bias;
@@ -253,7 +256,7 @@ impl<'a> Window<'a> {
             }),
             ..Options::default()
         };
-        let steps = published::run(&input, &initial, &options)?;
+        let steps = published::run(input, &initial, &options)?;
         let seconds = steps.iter().filter(|s| full_second(s.sample, first));
         Ok(seconds.fold(0.0, |most, step| {
             let place = Geodetic {
@@ -304,16 +307,16 @@ impl<'a> Window<'a> {
     }
 }
 
-fn one(window: &Window<'_>, whole: &Drive) -> Result<Outcome, ExperimentError> {
+fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, ExperimentError> {
     let (city, first) = (window.city, window.first);
+    let input = window.input();
     let published_m = [
-        window.published(Variant::program())?,
-        window.published(Variant::corrected())?,
+        window.published(&input, Variant::program())?,
+        window.published(&input, Variant::corrected())?,
     ];
     let given = window.part.fixes[0];
     let mut part = window.withheld();
     let detector = Detector::default();
-    let known = Sheet::default().heard(whole, &detector.detect(whole));
     let bias_sd = known.rate_drift * (city.truth[first].t_s + EARLIER_S).sqrt();
     let start = Start {
         first,
@@ -327,7 +330,7 @@ fn one(window: &Window<'_>, whole: &Drive) -> Result<Outcome, ExperimentError> {
     };
     let stands =
         |drive: &Drive| Detector::hindsight(drive, &detector.detect(drive), ENTRY_S, EXIT_S);
-    let cold = forward::run(&part, &stands(&part), &known, &start)?;
+    let cold = forward::run(&part, &stands(&part), known, &start)?;
     let before = whole.fixes.iter().filter(|f| f.t_s <= given.t_s + 1e-6);
     part.fixes = before.copied().chain(part.fixes).collect();
     let standing = stands(&part);
@@ -335,15 +338,11 @@ fn one(window: &Window<'_>, whole: &Drive) -> Result<Outcome, ExperimentError> {
     // As the program: the bias of an earlier stop.
     let bias_sd = known.rate_drift * EARLIER_S.sqrt();
     start.rate_bias = start.rate_bias.or(Some((city.earlier_bias, bias_sd)));
-    let passed = forward::run(&part, &standing, &known, &start)?;
+    let passed = forward::run(&part, &standing, known, &start)?;
     let smoothed = smooth(&passed);
     let most = |list: &[(Vector2<f64>, Estimate)]| list.iter().fold(0.0, |m, e| e.0.norm().max(m));
     let running = window.seconds(&passed.estimates, passed.first);
-    let holds = running.iter().filter(|(d, e)| {
-        let p = e.p.fixed_view::<2, 2>(0, 0).into_owned();
-        p.try_inverse()
-            .is_some_and(|inverse| (d.transpose() * inverse * d)[0] < INSIDE_95)
-    });
+    let holds = running.iter().filter(|(d, e)| e.holds(d, 0.95));
     Ok(Outcome {
         experiment: window.experiment,
         published_m,

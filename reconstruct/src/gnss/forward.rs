@@ -7,11 +7,10 @@
 mod fix;
 mod start;
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector2, Vector3};
 
 use super::drive::{Drive, Period, ReckonError};
 use super::sheet::Sheet;
-use crate::constraint::Geometry;
 use crate::error_model::{ATT, POS, STATES, VEL};
 use crate::frame::{Rot, Vec3};
 use crate::mechanize::{Earth, Nav9, forward};
@@ -20,6 +19,7 @@ use crate::refined::running::Running;
 use crate::refined::states::{BG, Nominal, PARAMS, Row, SLIP, SLIP_GRADIENT};
 use crate::refined::tape::{Step, Tape};
 use crate::refined::transition::{Density, Transition};
+use crate::stats::ellipse_radius;
 use crate::wgs84::Geodetic;
 pub use start::Start;
 use start::prior;
@@ -57,6 +57,17 @@ pub struct Estimate {
     pub fixed: bool,
 }
 
+impl Estimate {
+    /// True if a place `d` metres north and east of the estimate's lies in its ellipse of `confidence`.
+    #[must_use]
+    pub fn holds(&self, d: &Vector2<f64>, confidence: f64) -> bool {
+        let p = self.p.fixed_view::<2, 2>(POS, POS).into_owned();
+        p.try_inverse().is_some_and(|inverse| {
+            (d.transpose() * inverse * d)[0] < ellipse_radius(confidence).powi(2)
+        })
+    }
+}
+
 /// What became of the fixes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FixUse {
@@ -90,7 +101,6 @@ pub struct Passed {
 struct Runner<'a> {
     drive: &'a Drive,
     sheet: &'a Sheet,
-    geometry: Geometry,
     run: Running,
     anchor: Geodetic,
     earth: Earth,
@@ -241,7 +251,6 @@ impl<'a> Runner<'a> {
         Self {
             drive,
             sheet,
-            geometry: sheet.geometry,
             run: Running::new(&nominal, &prior(sheet, start, &nominal)),
             anchor: start.place,
             earth: Earth::at(start.place.latitude, 0.0),
@@ -348,7 +357,7 @@ impl<'a> Runner<'a> {
             .nominal
             .rate(&self.drive.periods[k].rate, &self.earth)
             .v;
-        let z = measure::forward_speed(&self.run.nominal, &rate, &self.geometry, speed, sd);
+        let z = measure::forward_speed(&self.run.nominal, &rate, &self.sheet.geometry, speed, sd);
         self.bind(z, 4.0 * GATE);
     }
 
@@ -378,7 +387,7 @@ impl<'a> Runner<'a> {
         let z = measure::side_slip(
             &self.run.nominal,
             &rate,
-            &self.geometry,
+            &self.sheet.geometry,
             lateral,
             tuning.slip_white_mps,
         );
@@ -387,7 +396,7 @@ impl<'a> Runner<'a> {
             .max(1.0)
             .sqrt();
         let sd = (tuning.jump[0] * speed + tuning.jump[1]) * widened;
-        let z = measure::no_jump(&self.run.nominal, &rate, &self.geometry, sd);
+        let z = measure::no_jump(&self.run.nominal, &rate, &self.sheet.geometry, sd);
         self.bind(z, 2.0 * GATE);
     }
 

@@ -1,6 +1,6 @@
 //! From the rows of the raw logs to what the filters take, and from a simulated drive to rows.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
 use super::published::sensor::{Orientation, to_body};
@@ -118,7 +118,7 @@ pub fn drive(
         .iter()
         .map(|row| axes.turned(row))
         .collect();
-    Drive::new(&samples, &Matrix3::identity(), fixes, speeds)
+    Drive::new(&samples, fixes, speeds)
 }
 
 /// The same as the published filter takes it; fixes without velocity are left out.

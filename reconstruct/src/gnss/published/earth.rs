@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::constants::RADIUS;
 use super::variant::{Reading, Source};
+use crate::wgs84;
 
 /// The Earth by its two half axes; the program hands in the same radius for both [S00, 6.5].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +28,8 @@ impl Earth {
                 b: RADIUS,
             },
             Reading::Corrected => Self {
-                a: 6_378_137.0,
-                b: 6_356_752.314_245_179,
+                a: wgs84::A,
+                b: wgs84::A * (1.0 - wgs84::F),
             },
         }
     }
