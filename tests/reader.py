@@ -6,7 +6,7 @@ Written from schema/FORMAT.md alone, with nothing but the standard library. Exit
 import calendar, hashlib, json, math, struct, sys
 
 MAGIC = b"\x89SVB\r\n\x1a\n"
-ORDER = ["HEAD", "SECS", "CLIP", "RAWF", "AUXS", "HLTH", "TRIG", "DONE", "SEAL"]
+ORDER = ["HEAD", "SECS", "CLIP", "RAWF", "AUXS", "GNSS", "HLTH", "TRIG", "DONE", "SEAL"]
 
 def table():
     for byte in range(256):
@@ -135,6 +135,37 @@ def channel(body):
     values = [body.get("f64") for _ in range(body.get("u32"))]
     return out | {"values": [None if math.isnan(value) else value for value in values]}
 
+QUALITIES = "none autonomous differential precise rtk-fixed rtk-float estimated manual simulated unstated".split()
+
+def number(body):
+    value = body.get("f64")
+    return None if math.isnan(value) else value
+
+def together(numbers):
+    need(len({each is None for each in numbers}) == 1, "some numbers missing")
+    return None if numbers[0] is None else numbers
+
+def fix(body):
+    out = {"monotonic_ns": body.get("i64"), "utc_ns": body.get("i64"), "quality": QUALITIES[body.get("u8")], "satellites": body.get("u8")}
+    out["utc_ns"] = None if out["utc_ns"] == -2**63 else out["utc_ns"]
+    out["satellites"] = None if out["satellites"] == 255 else out["satellites"]
+    out["position"] = together([number(body) for _ in range(2)])
+    out |= {name: number(body) for name in ["height_m", "speed_mps", "course", "climb_mps"]}
+    out["horizontal_m2"] = together([number(body) for _ in range(3)])
+    return out | {name: number(body) for name in ["height_sd_m", "speed_sd_mps", "course_sd", "hdop"]}
+
+def sentence(body):
+    return {"monotonic_ns": body.get("i64"), "text": body.take(body.get("u8")).decode("ascii")}
+
+def gnss(data):
+    body = Bytes(data)
+    sheet = {"source": ["can", "nmea"][body.get("u8")], "receiver": body.get("short")}
+    sheet["antenna_position_m"] = together([number(body) for _ in range(3)])
+    sheet |= body.get([("antenna_position_sd_m", "3 f64")] + each("f64", "latency_s", "latency_sd_s", "horizontal_sd_m", "height_sd_m", "speed_sd_mps"))
+    out = {"sheet": sheet, "fixes": [fix(body) for _ in range(body.get("u32"))], "sentences": [sentence(body) for _ in range(body.get("u32"))]}
+    need(body.at == len(data), "trailing bytes")
+    return out
+
 def counted(data, one):
     body = Bytes(data)
     out = [one(body) for _ in range(body.get("u32"))]
@@ -143,7 +174,7 @@ def counted(data, one):
 
 def read(data):
     need(data.startswith(MAGIC), "not a record")
-    at, record, last = len(MAGIC), {"blocks": []}, ""
+    at, record, last, minor = len(MAGIC), {"blocks": []}, "", 0
     while last != "SEAL":
         need(at + 16 <= len(data), "truncated")
         tag, length, check = struct.unpack_from("<4sII", data, at)
@@ -154,11 +185,12 @@ def read(data):
         need(last or tag == "HEAD", "no header")
         if tag not in ORDER:
             continue
-        need(not last or ORDER.index(tag) - ORDER.index(last) == 1 or tag == last == "SECS", f"order at {start}")
+        order = ORDER if minor == 1 else [each for each in ORDER if each != "GNSS" or each == tag]
+        need(not last or order.index(tag) - order.index(last) == 1 or tag == last == "SECS", f"order at {start}")
         last = tag
         if tag == "HEAD":
             need(body[:2] == b"\x01\x00", "version")
-            record["header"] = Bytes(body[4:]).whole(HEAD)
+            minor, record["header"], record["gnss"] = body[2] + 256 * body[3], Bytes(body[4:]).whole(HEAD), None
         elif tag == "SECS":
             record["blocks"].append(block(body, record["header"]))
         elif tag == "SEAL":
@@ -167,7 +199,7 @@ def read(data):
             record["sha256"], record["signature"] = body[1:33].hex(), body[33:].hex() or None
         else:
             name, decode = {"CLIP": ("clipping", lambda b: counted(b, lambda c: c.get(CLIP))), "RAWF": ("raw", lambda b: counted(b, raw_frame)),
-                "AUXS": ("aux", lambda b: counted(b, channel)), "HLTH": ("health", lambda b: Bytes(b).whole(HEALTH)),
+                "AUXS": ("aux", lambda b: counted(b, channel)), "GNSS": ("gnss", gnss), "HLTH": ("health", lambda b: Bytes(b).whole(HEALTH)),
                 "TRIG": ("triggers", lambda b: Bytes(b).whole(TRIGGERS)), "DONE": ("completion", lambda b: Bytes(b).whole(DONE))}[tag]
             record[name] = decode(body)
     return record

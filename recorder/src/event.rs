@@ -227,6 +227,7 @@ impl Event {
                 .collect(),
             raw: self.raw_frames(),
             aux: self.aux(settings, first, end),
+            gnss: None,
             health,
             triggers: self
                 .triggers

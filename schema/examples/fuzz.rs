@@ -26,8 +26,13 @@ fn main() {
     live.header.origin = Origin::Live;
     let mut thin = support::record(Layout::TwoRate, 3, 2203, 2200);
     thin.blocks.truncate(2);
-    let bases = [(support::small(), false), (live, true), (thin, false)]
-        .map(|(record, signed)| (mutate::parse(&record.to_bytes().unwrap()), signed));
+    let bases = [
+        (support::small(), false),
+        (live, true),
+        (thin, false),
+        (support::placed(), false),
+    ]
+    .map(|(record, signed)| (mutate::parse(&record.to_bytes().unwrap()), signed));
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (mut read, mut salvaged, mut ledgers) = (0_u64, 0_u64, 0_u64);
     for done in 1..=count {

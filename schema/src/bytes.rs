@@ -10,8 +10,8 @@ use crate::sample::{AXES, Codes, SAMPLE_BYTES};
 use crate::time::Stamp;
 use crate::wire::{Cursor, length32, too_large};
 
-/// What stands for a missing auxiliary value: the quiet NaN without payload.
-const MISSING_VALUE: u64 = 0x7ff8_0000_0000_0000;
+/// What stands for a missing number: the quiet NaN without payload.
+pub(crate) const MISSING_VALUE: u64 = 0x7ff8_0000_0000_0000;
 
 pub(crate) fn put_block(out: &mut Vec<u8>, block: &Block) -> Result<(), SchemaError> {
     let count = u16::try_from(block.samples.len())

@@ -3,6 +3,7 @@
 
 use crate::block::{Block, FULL_HZ, THIN_HZ, THIN_SPAN};
 use crate::error::{Fault, SchemaError};
+use crate::gnss;
 use crate::header::{Header, Layout, Origin};
 use crate::limits;
 use crate::parts::{Clip, RawFrame, Trigger};
@@ -253,6 +254,9 @@ pub(crate) fn record(record: &Record) -> Result<(), SchemaError> {
         raw(number, frame, &record.header)
     })
     .map_err(|fault| fault.at("raw frames", None))?;
+    if let Some(part) = &record.gnss {
+        gnss::check(part).map_err(|fault| fault.at("satellite fixes", None))?;
+    }
     each(&record.triggers, trigger).map_err(|fault| fault.at("triggers", None))
 }
 

@@ -23,14 +23,15 @@ pub(crate) const BLOCK: Tag = *b"SECS";
 pub(crate) const CLIPPING: Tag = *b"CLIP";
 pub(crate) const RAW: Tag = *b"RAWF";
 pub(crate) const AUX: Tag = *b"AUXS";
+pub(crate) const GNSS: Tag = *b"GNSS";
 pub(crate) const HEALTH: Tag = *b"HLTH";
 pub(crate) const TRIGGERS: Tag = *b"TRIG";
 pub(crate) const COMPLETION: Tag = *b"DONE";
 pub(crate) const SEAL: Tag = *b"SEAL";
 
 /// The structures in their order in the file.
-pub(crate) const ORDER: [Tag; 9] = [
-    HEADER, BLOCK, CLIPPING, RAW, AUX, HEALTH, TRIGGERS, COMPLETION, SEAL,
+pub(crate) const ORDER: [Tag; 10] = [
+    HEADER, BLOCK, CLIPPING, RAW, AUX, GNSS, HEALTH, TRIGGERS, COMPLETION, SEAL,
 ];
 
 /// Tag, length and the check of both.
@@ -53,6 +54,8 @@ fn limit(tag: Tag) -> usize {
         CLIPPING => 4 + limits::MAX_CLIPS * limits::CLIP_BYTES,
         RAW => 4 + limits::MAX_RAW_BYTES,
         AUX => limits::MAX_AUX_BYTES,
+        // The receiver's name and figures beside the lists.
+        GNSS => limits::MAX_GNSS_BYTES + 70_000,
         HEALTH => limits::MAX_HEALTH_BYTES,
         TRIGGERS => limits::MAX_TRIGGERS_BYTES,
         COMPLETION => limits::MAX_COMPLETION_BYTES,
@@ -69,6 +72,7 @@ pub(crate) fn name(tag: Tag) -> String {
         CLIPPING => "clipping".to_owned(),
         RAW => "raw frames".to_owned(),
         AUX => "auxiliary signals".to_owned(),
+        GNSS => "satellite fixes".to_owned(),
         HEALTH => "health".to_owned(),
         TRIGGERS => "triggers".to_owned(),
         COMPLETION => "completion".to_owned(),

@@ -12,8 +12,9 @@ use crate::limits;
 use crate::scale::{Scales, TwoSlope, WheelScale};
 use crate::wire;
 
-/// Format version written by this crate: major changes break readers, minor ones add.
-pub const FORMAT_VERSION: (u16, u16) = (1, 0);
+/// Format version written by this crate: major changes break readers, minor ones add. The minor one is 0 in a record
+/// without satellite fixes.
+pub const FORMAT_VERSION: (u16, u16) = (1, 1);
 
 /// The header of a sealed record.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize)]

@@ -9,6 +9,7 @@
 //! 3. [`bridge`]: where a lost frame may be bridged. [`block`]: the samples of one second behind a 48-bit time stamp [S03, 3.2.1], full or two-rate; [`time`].
 //! 4. [`header`]: what a reader must know of the car, the sensors and the clocks.
 //! 5. [`parts`]: clipping, raw frames, auxiliary signals, health, triggers, completion.
+//!    [`gnss`]: satellite fixes, where they are asked for.
 //! 6. [`record`]: the whole file, written once and read totally: a value or an error, never a panic, and
 //!    never more memory than [`limits`] allow.
 //! 7. [`seal`]: the digest over every byte before it, and the signature by the device's [`key`].
@@ -25,6 +26,7 @@ pub(crate) mod check;
 pub mod envelope;
 pub mod error;
 pub(crate) mod frame;
+pub mod gnss;
 pub mod header;
 pub mod key;
 pub mod ledger;
@@ -45,6 +47,7 @@ pub(crate) mod wire;
 
 pub use block::Block;
 pub use error::SchemaError;
+pub use gnss::Gnss;
 pub use header::Header;
 pub use key::{PublicKey, SecretKey};
 pub use ledger::Ledger;

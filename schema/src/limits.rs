@@ -18,6 +18,10 @@ pub const RAW_FRAME_BYTES: usize = 15;
 pub const MAX_FRAME_DATA: usize = 64;
 /// Bytes of all auxiliary signals: eight a value.
 pub const MAX_AUX_BYTES: usize = 4 << 20;
+/// Satellite fixes; 260 s at 20 a second make 5,200.
+pub const MAX_FIXES: usize = 1 << 14;
+/// Bytes of all satellite fixes and sentences.
+pub const MAX_GNSS_BYTES: usize = 4 << 20;
 /// Bytes of the encoded health part.
 pub const MAX_HEALTH_BYTES: usize = 1 << 20;
 /// Bytes of the encoded trigger list.
@@ -39,6 +43,8 @@ const _: () = assert!(
         + MAX_CLIPS * CLIP_BYTES
         + MAX_RAW_BYTES
         + MAX_AUX_BYTES
+        + MAX_GNSS_BYTES
+        + 70_000
         + MAX_HEALTH_BYTES
         + MAX_TRIGGERS_BYTES
         + MAX_COMPLETION_BYTES

@@ -7,6 +7,7 @@ use crate::bytes;
 use crate::check;
 use crate::error::{Fault, SchemaError};
 use crate::frame::{self, Head, Tag};
+use crate::gnss::{self, Gnss};
 use crate::header::{FORMAT_VERSION, Header, Origin};
 use crate::limits;
 use crate::num;
@@ -32,7 +33,7 @@ impl Record {
         }
         magic(file)?;
         let head = frame::read_head(file, frame::MAGIC.len())?;
-        let mut parts = Assembly::new(header(file, &head)?);
+        let mut parts = header(file, &head)?;
         let mut at = head.end();
         let mut rank = 0;
         loop {
@@ -86,8 +87,8 @@ pub(crate) fn magic(file: &[u8]) -> Result<(), SchemaError> {
     Err(SchemaError::Magic { found })
 }
 
-/// The header structure at `head`.
-pub(crate) fn header(file: &[u8], head: &Head) -> Result<Header, SchemaError> {
+/// The header structure at `head`, to which the others are added.
+pub(crate) fn header(file: &[u8], head: &Head) -> Result<Assembly, SchemaError> {
     if head.tag != frame::HEADER {
         return Err(out_of_order(head, "the header"));
     }
@@ -105,7 +106,7 @@ pub(crate) fn header(file: &[u8], head: &Head) -> Result<Header, SchemaError> {
     let header: Header =
         wire::decode::<{ limits::MAX_HEADER_BYTES }, _>("header", head.body_at() + 4, fields)?;
     check::header(&header).map_err(|fault| fault.at("header", Some(num::u64_of(head.at))))?;
-    Ok(header)
+    Ok(Assembly::new(header, minor))
 }
 
 fn out_of_order(head: &Head, expected: &str) -> SchemaError {
@@ -148,23 +149,28 @@ pub(crate) fn seal(file: &[u8], head: &Head, body: &[u8]) -> Result<Seal, Schema
 /// The record as it comes together, structure by structure.
 pub(crate) struct Assembly {
     header: Header,
+    /// By its version the record has satellite fixes.
+    has_gnss: bool,
     blocks: Vec<Block>,
     clipping: Option<Vec<Clip>>,
     raw: Option<Vec<RawFrame>>,
     aux: Option<Vec<AuxChannel>>,
+    gnss: Option<Gnss>,
     health: Option<Health>,
     triggers: Option<Vec<Trigger>>,
     completion: Option<Completion>,
 }
 
 impl Assembly {
-    pub(crate) fn new(header: Header) -> Self {
+    fn new(header: Header, minor: u16) -> Self {
         Self {
             header,
+            has_gnss: minor == FORMAT_VERSION.1,
             blocks: Vec::new(),
             clipping: None,
             raw: None,
             aux: None,
+            gnss: None,
             health: None,
             triggers: None,
             completion: None,
@@ -190,6 +196,11 @@ impl Assembly {
                 once(&mut self.raw, frames, head)
             }
             frame::AUX => once(&mut self.aux, bytes::aux(body, at)?, head),
+            frame::GNSS => {
+                let part = gnss::parse(body, at)?;
+                gnss::check(&part).map_err(|fault| fault.at("satellite fixes", offset))?;
+                once(&mut self.gnss, part, head)
+            }
             frame::HEALTH => {
                 let health = wire::decode::<{ limits::MAX_HEALTH_BYTES }, _>("health", at, body)?;
                 once(&mut self.health, health, head)
@@ -232,6 +243,7 @@ impl Assembly {
             (frame::CLIPPING, self.clipping.is_some()),
             (frame::RAW, self.raw.is_some()),
             (frame::AUX, self.aux.is_some()),
+            (frame::GNSS, self.gnss.is_some() || !self.has_gnss),
             (frame::HEALTH, self.health.is_some()),
             (frame::TRIGGERS, self.triggers.is_some()),
             (frame::COMPLETION, self.completion.is_some()),
@@ -251,6 +263,7 @@ impl Assembly {
             clipping: self.clipping.unwrap_or_default(),
             raw: self.raw.unwrap_or_default(),
             aux: self.aux.unwrap_or_default(),
+            gnss: self.gnss,
             health: self.health.unwrap_or_default(),
             triggers: self.triggers.unwrap_or_default(),
             completion: self.completion.unwrap_or_else(|| Completion {
@@ -273,12 +286,16 @@ impl Assembly {
         if self.blocks.is_empty() {
             return Err(missing(frame::BLOCK));
         }
+        if self.has_gnss && self.gnss.is_none() {
+            return Err(missing(frame::GNSS));
+        }
         Ok(Record {
             header: self.header,
             blocks: self.blocks,
             clipping: self.clipping.ok_or_else(|| missing(frame::CLIPPING))?,
             raw: self.raw.ok_or_else(|| missing(frame::RAW))?,
             aux: self.aux.ok_or_else(|| missing(frame::AUX))?,
+            gnss: self.gnss,
             health: self.health.ok_or_else(|| missing(frame::HEALTH))?,
             triggers: self.triggers.ok_or_else(|| missing(frame::TRIGGERS))?,
             completion: self.completion.ok_or_else(|| missing(frame::COMPLETION))?,

@@ -9,6 +9,7 @@ use crate::bytes;
 use crate::check;
 use crate::error::{Fault, SchemaError};
 use crate::frame;
+use crate::gnss::{self, Gnss};
 use crate::header::{FORMAT_VERSION, Header, Origin};
 use crate::key::SecretKey;
 use crate::limits;
@@ -33,6 +34,8 @@ pub struct Record {
     pub raw: Vec<RawFrame>,
     /// Auxiliary signals.
     pub aux: Vec<AuxChannel>,
+    /// Satellite fixes; `None` where the configuration asks for none.
+    pub gnss: Option<Gnss>,
     /// Health.
     pub health: Health,
     /// Triggers in order of time; the first is t = 0.
@@ -102,7 +105,12 @@ impl Record {
         let mut body = Vec::new();
         out.write_all(&frame::MAGIC)?;
         body.extend(FORMAT_VERSION.0.to_le_bytes());
-        body.extend(FORMAT_VERSION.1.to_le_bytes());
+        let minor = if self.gnss.is_some() {
+            FORMAT_VERSION.1
+        } else {
+            0
+        };
+        body.extend(minor.to_le_bytes());
         body.extend(header);
         frame::write(&mut out, frame::HEADER, &body)?;
         for block in &self.blocks {
@@ -119,6 +127,11 @@ impl Record {
         body.clear();
         bytes::put_aux(&mut body, &self.aux)?;
         frame::write(&mut out, frame::AUX, &body)?;
+        if let Some(part) = &self.gnss {
+            body.clear();
+            gnss::put(&mut body, part)?;
+            frame::write(&mut out, frame::GNSS, &body)?;
+        }
         frame::write(&mut out, frame::HEALTH, &health)?;
         frame::write(&mut out, frame::TRIGGERS, &triggers)?;
         frame::write(&mut out, frame::COMPLETION, &completion)?;

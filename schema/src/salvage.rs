@@ -82,7 +82,7 @@ impl Record {
             search.damage(0, frame::MAGIC.len().min(file.len()), error);
         }
         let head = search.header()?;
-        let parts = Assembly::new(read::header(file, &head)?);
+        let parts = read::header(file, &head)?;
         Ok(search.run(head.end(), parts))
     }
 }

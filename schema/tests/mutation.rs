@@ -42,10 +42,16 @@ fn mutate_bases() -> Vec<(Vec<mutate::Structure>, bool)> {
     let mut live = support::small();
     live.header.origin = Origin::Live;
     let thin = thin();
-    [(support::small(), false), (live, true), (thin, false)]
-        .into_iter()
-        .map(|(record, signed)| (mutate::parse(&record.to_bytes().unwrap()), signed))
-        .collect()
+    let placed = support::placed();
+    [
+        (support::small(), false),
+        (live, true),
+        (thin, false),
+        (placed, false),
+    ]
+    .into_iter()
+    .map(|(record, signed)| (mutate::parse(&record.to_bytes().unwrap()), signed))
+    .collect()
 }
 
 /// A thinned block, and the gap to a partial one.
@@ -98,7 +104,7 @@ fn unknown_parts_are_skipped_and_known_ones_stand_once_and_in_order() {
     let sound = support::small();
     let structures = mutate::parse(&sound.to_bytes().unwrap());
     let mut more = structures.clone();
-    more.insert(2, (*b"GNSS", vec![1, 2, 3]));
+    more.insert(2, (*b"LATE", vec![1, 2, 3]));
     more.push((*b"new ", vec![]));
     assert_eq!(Record::read(&mutate::build(&more, None)).unwrap().0, sound);
     let refused = |structures: &[mutate::Structure]| {

@@ -63,6 +63,7 @@ fn expected(file: &[u8]) -> Value {
         "clipping": record.clipping,
         "raw": raw,
         "aux": record.aux,
+        "gnss": record.gnss,
         "health": record.health,
         "triggers": record.triggers,
         "completion": record.completion,
@@ -140,6 +141,7 @@ fn written(name: &str, record: &Record) -> PathBuf {
 #[test]
 fn both_layouts_are_read_to_the_same_values() {
     compare(&written("small", &support::small()));
+    compare(&written("placed", &support::placed()));
     compare(&written(
         "full",
         &support::record(Layout::Full, 1, 4003, 3000),

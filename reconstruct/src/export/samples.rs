@@ -67,6 +67,7 @@ pub fn json(case: &Case<'_>) -> Value {
         "clipping": record.clipping,
         "raw": raw,
         "aux": record.aux,
+        "gnss": record.gnss,
         "health": record.health,
         "triggers": record.triggers,
         "completion": record.completion,

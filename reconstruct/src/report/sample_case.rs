@@ -260,6 +260,7 @@ pub(crate) fn record() -> Record {
         }],
         raw: Vec::new(),
         aux: Vec::new(),
+        gnss: None,
         health: health(),
         triggers: vec![Trigger {
             kind: TriggerKind::DeltaV,

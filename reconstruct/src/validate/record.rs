@@ -65,6 +65,7 @@ pub fn record(simulated: &Simulated, header: Header, cut_s: Option<f64>) -> Reco
         clipping,
         raw: Vec::new(),
         aux: Vec::new(),
+        gnss: None,
         health: Health::default(),
         triggers: vec![Trigger {
             kind,

@@ -69,6 +69,7 @@ pub(crate) fn record(simulated: &Simulated) -> Record {
             data: vec![1, 2, 3, 4],
         }],
         aux: Vec::new(),
+        gnss: None,
         health: Health {
             frames_seen: 12_000,
             signals: vec![

@@ -5,6 +5,7 @@
 )]
 
 use schema::block::{cut, thin_blocks};
+use schema::gnss::{Fix, FixQuality, Gnss, GnssSheet, GnssSource, Sentence};
 use schema::header::{
     Clock, ClockSource, Header, ImuSheet, Interface, Layout, Origin, Periods, SourceLog, Vehicle,
     WheelSheet,
@@ -169,6 +170,7 @@ pub(crate) fn record(layout: Layout, from: u64, to: u64, trigger: u64) -> Record
             first_index: from,
             values: vec![Some(0.0), None, Some(-12.5), Some(1e-300)],
         }],
+        gnss: None,
         health: Health {
             frames_seen: 1000,
             late_frames: 2,
@@ -210,4 +212,47 @@ pub(crate) fn record(layout: Layout, from: u64, to: u64, trigger: u64) -> Record
 /// Five samples, one of them in the second before: a record of about 1,200 bytes.
 pub(crate) fn small() -> Record {
     record(Layout::Full, 1, 6, 4)
+}
+
+/// [`small`] with satellite fixes: one that says everything, one that says nothing, a sentence.
+pub(crate) fn placed() -> Record {
+    let at = GRID.monotonic_ns(3);
+    Record {
+        gnss: Some(Gnss {
+            sheet: GnssSheet {
+                source: GnssSource::Nmea,
+                receiver: "/dev/ttyS1".into(),
+                antenna_position_m: Some([1.5, 0.0, -1.4]),
+                antenna_position_sd_m: [0.1, 0.05, 0.1],
+                latency_s: 0.12,
+                latency_sd_s: 0.03,
+                horizontal_sd_m: 3.0,
+                height_sd_m: 6.0,
+                speed_sd_mps: 0.2,
+            },
+            fixes: vec![
+                Fix {
+                    utc_ns: Some(at + GRID.utc_offset_ns - 120_000_000),
+                    satellites: Some(9),
+                    position: Some([1.107, 0.181]),
+                    height_m: Some(161.5),
+                    speed_mps: Some(13.9),
+                    course: Some(4.2),
+                    climb_mps: Some(-0.1),
+                    horizontal_m2: Some([4.0, 2.25, -0.5]),
+                    height_sd_m: Some(4.5),
+                    speed_sd_mps: Some(0.1),
+                    course_sd: Some(0.01),
+                    hdop: Some(0.9),
+                    ..Fix::new(at, FixQuality::Differential)
+                },
+                Fix::new(at + 1_000_000_000, FixQuality::None),
+            ],
+            sentences: vec![Sentence {
+                monotonic_ns: at,
+                text: "$GPZDA,150926.00,14,03,2026,00,00*65".into(),
+            }],
+        }),
+        ..small()
+    }
 }

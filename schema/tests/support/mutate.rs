@@ -7,9 +7,9 @@ use schema::{Record, SealState, unpack};
 use sha2::{Digest, Sha256};
 
 const MAGIC: &[u8] = b"\x89SVB\r\n\x1a\n";
-const TAGS: [&[u8; 4]; 11] = [
-    b"HEAD", b"SECS", b"CLIP", b"RAWF", b"AUXS", b"HLTH", b"TRIG", b"DONE", b"SEAL", b"GNSS",
-    b"ZZZZ",
+const TAGS: [&[u8; 4]; 12] = [
+    b"HEAD", b"SECS", b"CLIP", b"RAWF", b"AUXS", b"GNSS", b"HLTH", b"TRIG", b"DONE", b"SEAL",
+    b"LATE", b"ZZZZ",
 ];
 /// Values at the edges of integers and floats.
 const EDGES: [u64; 16] = [
@@ -254,7 +254,7 @@ fn out_of_order(file: &[u8]) -> bool {
     let tags = parse(file);
     let ranks: Vec<_> = tags
         .iter()
-        .filter_map(|(tag, _)| TAGS[..9].iter().position(|known| *known == tag))
+        .filter_map(|(tag, _)| TAGS[..10].iter().position(|known| *known == tag))
         .collect();
     !ranks.is_sorted()
 }
