@@ -95,6 +95,7 @@ fn main() {
         let begin = Instant::now();
         let motion = Motion::look(&reversed, &start, earth.gravity, &[]);
         let setup = Setup {
+            anchor: None,
             reversed,
             start: &start,
             motion: &motion,

@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
+use crate::anchor::Anchor;
 use crate::constraint::{self, Geometry, WheelReading};
 use crate::epochs::{Epoch, Reversed};
 use crate::error::ReconstructError;
@@ -104,6 +105,8 @@ pub struct Setup<'a> {
     pub road: Option<&'a RoadLimits>,
     /// Weights.
     pub tuning: Tuning,
+    /// Satellite fixes about the path, for the refined model.
+    pub anchor: Option<&'a Anchor>,
 }
 
 struct Runner<'a> {

@@ -1,5 +1,6 @@
 //! What the investigator asks: impact speed, delta-V, braking, distance, and what limits the answer.
 
+use crate::anchor::laid::Anchored;
 use crate::findings::agreement::Comparison;
 use crate::findings::curve::{CurvePoint, Maximum};
 use crate::findings::details::Details;
@@ -299,6 +300,8 @@ pub struct Reconstruction {
     pub rest_pose: Option<RestPose>,
     /// What became of laying the path on a map, if that was asked for.
     pub map: Option<Box<Placing>>,
+    /// What became of satellite fixes, if the record has any and they were not left out.
+    pub gnss: Option<Box<Anchored>>,
     /// What this result cannot tell: sentences, the weightiest first.
     pub limits: Vec<String>,
     /// True if the result has gaps (exit code 3).

@@ -1,5 +1,6 @@
 //! The svartboks reconstructor: a sealed record back into what happened, with its uncertainty.
 
+pub mod anchor;
 pub mod chain;
 pub mod compare;
 pub mod constraint;

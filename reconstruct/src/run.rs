@@ -1,11 +1,16 @@
 //! One run: from a record to the reconstruction.
 
+mod anchored;
 mod options;
 
 use schema::Record;
 use schema::num::real_u64;
 use schema::parts::{Completion, Trigger};
 
+use crate::anchor::Anchor;
+use crate::anchor::fixes::Heard;
+use crate::anchor::laid;
+use crate::anchor::rough::Rough;
 use crate::dead_reckoning;
 use crate::epochs::{Epoch, Epochs};
 use crate::error::ReconstructError;
@@ -53,7 +58,11 @@ pub fn reconstruct(record: &Record, options: &Options) -> Result<Reconstruction,
         completion: &record.completion,
         utc_zero_ns: zero.checked_add(record.header.clock.offset_ns),
     };
-    let mut result = from_epochs(&epochs, &facts, options)?;
+    let fixes = record.gnss.as_ref().filter(|_| options.fixes);
+    let mut result = match fixes {
+        Some(gnss) => anchored::run(record, gnss, &epochs, &facts, options)?,
+        None => from_epochs(&epochs, &facts, options)?,
+    };
     result.details.reaction.fill_brake(&record.aux);
     Ok(result)
 }
@@ -67,6 +76,16 @@ pub fn from_epochs(
     facts: &Facts<'_>,
     options: &Options,
 ) -> Result<Reconstruction, ReconstructError> {
+    about(epochs, facts, options, None).map(|(result, _)| result)
+}
+
+/// As [`from_epochs`], with satellite fixes about a rough pose, and then the pose.
+fn about(
+    epochs: &Epochs,
+    facts: &Facts<'_>,
+    options: &Options,
+    fixes: Option<(&Heard, &Rough)>,
+) -> Result<(Reconstruction, Option<Answer>), ReconstructError> {
     options.check()?;
     let (from, to) = window(epochs, options)?;
     let earth = options.earth();
@@ -79,6 +98,8 @@ pub fn from_epochs(
     let reversed = epochs.reversed();
     let motion = Motion::look(&reversed, &start, earth.gravity, facts.triggers);
     let road = options.road.limits();
+    let anchor = fixes
+        .map(|(heard, rough)| Anchor::new(heard, rough, &epochs.list[..=start.k], rest.found()));
     let setup = Setup {
         reversed,
         start: &start,
@@ -86,9 +107,10 @@ pub fn from_epochs(
         earth,
         road: road.as_ref(),
         tuning: options.tuning,
+        anchor: anchor.as_ref(),
     };
     let quantile = two_sided_quantile(options.confidence);
-    let ran = run_models(&setup, &rest, options, quantile, from)?;
+    let ran = run_models(&setup, &rest, options, quantile, from..to)?;
     let motion = ran.motion.as_ref().unwrap_or(&motion);
     let source = Source {
         epochs,
@@ -152,6 +174,7 @@ pub fn from_epochs(
         clipped_samples: count(|e| e.clipped.iter().any(|c| *c != 0.0)),
         rest_pose: options.rest_pose,
         map: None,
+        gnss: None,
         limits: Vec::new(),
         gaps: missing > 0
             || limits::wheel_gaps(epochs).0 > 0
@@ -163,7 +186,16 @@ pub fn from_epochs(
     result.limits.extend(ran.faults);
     result.details.smoother = ran.smoother;
     uncertainty::complete(ran.uncertainty, &mut result);
-    Ok(result)
+    Ok((result, ran.answer))
+}
+
+/// Where a path lies among satellite fixes.
+struct Answer {
+    pose: laid::Pose,
+    /// Numbers of the fixes that the pass was given.
+    taken: Vec<usize>,
+    /// Of these, those it refused.
+    refused: Vec<usize>,
 }
 
 /// What the models gave.
@@ -182,6 +214,8 @@ struct Ran {
     wheels: WheelUse,
     /// Its smoother.
     smoother: Option<Smoother>,
+    /// Where it lies among satellite fixes.
+    answer: Option<Answer>,
     /// Its error budgets and sample paths.
     uncertainty: Option<Result<Uncertainty, ReconstructError>>,
 }
@@ -192,13 +226,13 @@ fn run_models(
     rest: &rest::RestInterval,
     options: &Options,
     quantile: f64,
-    from: usize,
+    range: std::ops::Range<usize>,
 ) -> Result<Ran, ReconstructError> {
     let mut answers = Vec::new();
     let mut kept = None;
     let mut wheels = WheelUse::default();
     let mut faults = Vec::new();
-    let (mut known, mut smoother) = (None, None);
+    let (mut known, mut smoother, mut laid) = (None, None, None);
     let asked = options.model;
     for model in Model::ALL {
         if options.alone && model != asked {
@@ -231,6 +265,11 @@ fn run_models(
                 };
                 if asked == Model::Refined {
                     (wheels, smoother) = (refined.wheels, Some(refined.smoother));
+                    laid = setup.anchor.map(|anchor| Answer {
+                        pose: laid::pose(&refined, anchor, range.clone()),
+                        taken: anchor.fixes.iter().map(|f| f.number).collect(),
+                        refused: refined.passed.fixes_refused.clone(),
+                    });
                     known = (!options.alone && options.smoother != Smoother::None)
                         .then(|| uncertainty::of(&refined, setup, rest, &options.refined));
                 }
@@ -250,7 +289,7 @@ fn run_models(
             joint: &joint,
             wheels_only: model == Model::DeadReckoning,
         };
-        answers.push(agreement::answer(model.name(), &evidence, from));
+        answers.push(agreement::answer(model.name(), &evidence, range.start));
         if model == asked {
             kept = Some((snapshots, joint, motion));
         }
@@ -268,6 +307,7 @@ fn run_models(
         faults,
         wheels,
         smoother,
+        answer: laid,
         uncertainty: known,
     })
 }

@@ -352,7 +352,7 @@ fn sweep_and_batch_meet_dense_algebra() {
         }
         for (early, late) in [(0, 11), (3, 7), (5, 6)] {
             let want = block(early, late);
-            let found = [
+            let found = vec![
                 solved.cross(early, late, &p_batch[late]),
                 cross_covariance(&tape, early, late, &swept[late].2),
             ];

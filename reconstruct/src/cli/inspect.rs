@@ -92,6 +92,7 @@ fn as_json(case: &Case<'_>, args: &Args) -> Value {
         "blocks": record.blocks.len(), "first_sample": record.first_index(), "end_sample": record.end_index(),
         "clipped_bins": record.clipping.len(), "raw_frames": record.raw.len(),
         "aux": record.aux.iter().map(|a| json!({"name": a.name, "signal": a.signal, "unit": a.unit, "values": a.values.len()})).collect::<Vec<_>>(),
+        "gnss": record.gnss.as_ref().map(|g| json!({"sheet": g.sheet, "fixes": g.fixes, "sentences": g.sentences.len()})),
         "fields": ["wheel_left_mps", "wheel_right_mps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2", "rate_x_radps", "rate_y_radps", "rate_z_radps"],
         "samples": samples,
     })
@@ -200,6 +201,19 @@ fn content(out: &mut String, case: &Case<'_>) {
             record.aux.len()
         ),
     );
+    if let Some(gnss) = &record.gnss {
+        let placed = gnss.fixes.iter().filter(|f| f.position.is_some()).count();
+        line(
+            out,
+            "satellites",
+            &format!(
+                "{} fixes, {placed} with a place, from {}; {} sentences",
+                gnss.fixes.len(),
+                gnss.sheet.receiver,
+                gnss.sentences.len()
+            ),
+        );
+    }
     let done = &record.completion;
     let complete = if case.complete() {
         "yes".to_owned()

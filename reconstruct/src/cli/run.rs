@@ -58,6 +58,9 @@ pub(crate) struct Args {
     /// Smoother, where the model has one: rts (a sweep), batch (all epochs at once) or none
     #[arg(long, default_value = "rts", value_name = "rts|batch|none", value_parser = smoother)]
     smoother: Smoother,
+    /// Do not lay the path on the satellite fixes of the record
+    #[arg(long)]
+    no_fixes: bool,
     /// Confidence of every bound and of the funnel
     #[arg(long, default_value = "0.95", value_name = "SHARE", value_parser = confidence)]
     confidence: f64,
@@ -233,6 +236,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         to_s: args.to,
         reaction_s: args.reaction,
         smoother: args.smoother,
+        fixes: !args.no_fixes,
         ..Options::default()
     };
     let loaded = Loaded::open(&args.record, &args.identity)?;

@@ -399,6 +399,7 @@ mod tests {
         let reversed = epochs.reversed();
         let motion = crate::motion::Motion::look(&reversed, &start, earth.gravity, &[]);
         let pass = crate::filter::run(&crate::filter::Setup {
+            anchor: None,
             reversed,
             start: &start,
             motion: &motion,

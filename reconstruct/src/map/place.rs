@@ -1,8 +1,9 @@
 //! The whole of it: run, lay on the map, run again with the heading found, lay again.
 
-use nalgebra::{Matrix2, Matrix3x2, Vector2};
+use nalgebra::{Matrix2, Matrix3x2};
 use schema::Record;
 
+use crate::anchor::laid;
 use crate::error::ReconstructError;
 use crate::export::compass;
 use crate::export::geodesy::TangentPlane;
@@ -90,6 +91,7 @@ pub fn reconstruct_on(
 ) -> Result<Reconstruction, ReconstructError> {
     let mut options = options.clone();
     options.rest_pose = None;
+    options.fixes = false;
     options.latitude_deg = Some(job.point.latitude_deg);
     let mut result = reconstruct(record, &options)?;
     let mut placing = place(&result, job)?;
@@ -230,46 +232,23 @@ pub fn side(traffic: Traffic) -> &'static str {
 }
 
 /// Turns a placed reconstruction to true north, with the covariances of the fit: its heading and place, and
-/// how their errors hang together with those of the path, which the fit has bent onto the road.
+/// how their errors hang together with those of the path, which the fit has bent onto the road, or the satellite fixes.
 pub fn lay(r: &mut Reconstruction) {
+    if r.gnss.as_ref().is_some_and(|gnss| gnss.pose.is_some()) {
+        laid::lay(r);
+        return;
+    }
     let fitted = r.map.as_ref().and_then(|placing| {
         let best = placing.answers.first()?;
         (placing.verdict == Verdict::Placed).then(|| (best.fit.clone(), placing.t_s.clone()))
     });
-    let before: Vec<(Vector2<f64>, Matrix2<f64>)> = r
-        .states
-        .iter()
-        .map(|s| {
-            let c = s.cov_north_east;
-            (
-                Vector2::new(s.position[0], s.position[1]),
-                Matrix2::new(s.sd_north.powi(2), c, c, s.sd_east.powi(2)),
-            )
-        })
-        .collect();
+    let before: Vec<_> = r.states.iter().map(laid::own).collect();
     compass::to_true_north(r);
     let Some((fit, t_s)) = fitted else { return };
     let end = r.states.last().map_or(0.0, |s| s.t_s);
-    let (s, c) = fit.pose.z.sin_cos();
-    let rotation = Matrix2::new(c, -s, s, c);
-    let slope = Matrix2::new(-s, -c, c, -s);
-    for (state, (place, own)) in r.states.iter_mut().zip(&before) {
-        let shared = shared(&fit, &t_s, state.t_s, end) * rotation.transpose();
-        let lever = slope * place;
-        let own = rotation * own * rotation.transpose();
-        // Estimate less truth: d(place) + lever d(heading) + R e, with d and e against each other.
-        let turned = lever * shared.row(2);
-        let relative =
-            own + lever * lever.transpose() * fit.covariance[(2, 2)] - turned - turned.transpose();
-        let with_turn = fit.covariance.fixed_view::<2, 1>(0, 2) * lever.transpose();
-        let moved = shared.fixed_view::<2, 2>(0, 0);
-        let earth = fit.covariance.fixed_view::<2, 2>(0, 0) + with_turn + with_turn.transpose()
-            - moved
-            - moved.transpose();
-        state.sd_north = relative[(0, 0)].max(0.0).sqrt();
-        state.sd_east = relative[(1, 1)].max(0.0).sqrt();
-        state.cov_north_east = relative[(0, 1)];
-        state.on_earth = Some([earth[(0, 0)], earth[(1, 1)], earth[(0, 1)]]);
+    for (state, before) in r.states.iter_mut().zip(&before) {
+        let shared = shared(&fit, &t_s, state.t_s, end);
+        laid::on_earth(state, before, fit.pose.z, &fit.covariance, &shared);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The refined model: the nine states with everything that bends them estimated beside them, and smoothed.
 //!
-//! [`pass`] runs backwards from rest over [`states`] (32) with the rows of [`measure`] and the steps of [`transition`], and
+//! [`pass`] runs backwards from rest over [`states`] (36) with the rows of [`measure`] and the steps of [`transition`], and
 //! writes a [`tape`]. [`crate::smooth`] sweeps back over it. The result is the same kind of snapshot that every model gives,
 //! so findings, funnel and report do not know which model ran.
 
@@ -14,10 +14,10 @@ pub mod tape;
 pub mod transition;
 pub mod tuning;
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::error::ReconstructError;
-use crate::error_model::{ATT, STATES};
+use crate::error_model::{ATT, POS, STATES};
 use crate::filter::{Setup, Snapshot};
 use crate::findings::WheelUse;
 use crate::findings::delta_v::JointPulse;
@@ -31,7 +31,7 @@ use crate::smooth::rts::{Adjoint, cross_covariance};
 use crate::smooth::{Smoother, product};
 use inputs::Mounting;
 use pass::{Given, Passed};
-use states::{BA, Cov, Nominal, Row, SA};
+use states::{BA, Cov, Nominal, PLACE, Row, SA, TURN};
 pub use tuning::Tuning;
 
 /// Passes after the first where no rest was found.
@@ -48,6 +48,9 @@ pub struct Refined {
     pub snapshots: Vec<Snapshot>,
     /// Smoothed nominals in recording order; `None` behind the start.
     pub nominals: Vec<Option<Nominal>>,
+    /// Covariance of the anchor's pose (place north, east, turn; truth less estimate) with north, east and the angle about
+    /// down (estimate less truth) in recording order; empty without an anchor.
+    pub shared: Vec<Matrix3<f64>>,
     /// Use of the wheels.
     pub wheels: WheelUse,
     /// Joint covariance at `pulse.before` and `pulse.last` of each impact.
@@ -171,6 +174,7 @@ pub fn run(
     Ok(Refined {
         snapshots,
         nominals: answer.nominals,
+        shared: answer.shared,
         wheels: passed.wheels,
         joint: answer.joint,
         before: answer.before.ok_or_else(missing)?,
@@ -195,6 +199,7 @@ fn smoothed_start(passed: &Passed) -> Option<Nominal> {
 /// What a smoother gives.
 struct Answer {
     list: Vec<Option<Snapshot>>,
+    shared: Vec<Matrix3<f64>>,
     nominals: Vec<Option<Nominal>>,
     joint: Vec<Option<JointPulse>>,
     before: Option<(Nominal, Cov)>,
@@ -202,11 +207,24 @@ struct Answer {
     batch: Option<Box<Batch>>,
 }
 
+/// States of the anchor's pose.
+const POSE: [usize; 3] = [PLACE, PLACE + 1, TURN];
+/// States of the path that lie in the level plane.
+const WAY: [usize; 3] = [POS, POS + 1, ATT + 2];
+
+/// Room for what pose and path share, where there is an anchor. What comes behind the start shares nothing with it.
+fn none_shared(setup: &Setup<'_>) -> Vec<Matrix3<f64>> {
+    let epochs = setup.reversed.forward().list.len();
+    let count = setup.anchor.map_or(0, |_| epochs);
+    vec![Matrix3::zeros(); count]
+}
+
 fn by_sweep(setup: &Setup<'_>, passed: &Passed, smoother: Smoother) -> Answer {
     let steps = &passed.tape.steps;
     let impacts = &setup.motion.impacts;
     let mut answer = Answer {
         list: vec![None; setup.reversed.forward().list.len()],
+        shared: none_shared(setup),
         nominals: vec![None; setup.reversed.forward().list.len()],
         joint: vec![None; impacts.len()],
         before: None,
@@ -219,6 +237,9 @@ fn by_sweep(setup: &Setup<'_>, passed: &Passed, smoother: Smoother) -> Answer {
         let nine = adjoint.covariance::<STATES>(&step.p);
         let variance = |h: &Row| adjoint.variance(&step.p, h);
         answer.nominals[step.k] = Some(nominal);
+        if let Some(shared) = answer.shared.get_mut(step.k) {
+            *shared = adjoint.between(&step.p, POSE, WAY);
+        }
         answer.list[step.k] = Some(snapshot(setup, passed, step.k, &nominal, &nine, variance));
         for (pulse, joint) in impacts.iter().zip(&mut answer.joint) {
             // The pulse's end is passed first, on the way back from rest.
@@ -246,6 +267,7 @@ fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
     let steps = &ground.passed.tape.steps;
     let mut answer = Answer {
         list: vec![None; setup.reversed.forward().list.len()],
+        shared: none_shared(setup),
         nominals: vec![None; setup.reversed.forward().list.len()],
         joint: vec![None; impacts.len()],
         before: None,
@@ -259,6 +281,9 @@ fn by_batch(ground: &Ground<'_>) -> Result<Answer, ReconstructError> {
         let nominal = solved.trajectory[i];
         let variance = |h: &Row| h.dot(&product(p, h));
         answer.nominals[k] = Some(nominal);
+        if let Some(shared) = answer.shared.get_mut(k) {
+            *shared = Matrix3::from_fn(|r, c| p[(POSE[r], WAY[c])]);
+        }
         answer.list[k] = Some(snapshot(
             setup,
             ground.passed,

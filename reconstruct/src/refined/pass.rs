@@ -1,5 +1,7 @@
 //! The backward pass of the refined model: from rest (or from the end of a cut record) to the record's first sample.
 
+mod fixes;
+
 use schema::num::real_u64;
 
 use super::inputs::{Inputs, Mounting};
@@ -67,6 +69,8 @@ pub struct Passed {
     pub refused: [u64; 2],
     /// Values of a moving car that the physics let through, left and right.
     pub offered: [u64; 2],
+    /// Satellite fixes refused by innovation, by their numbers in the record.
+    pub fixes_refused: Vec<usize>,
 }
 
 struct Runner<'a> {
@@ -78,6 +82,7 @@ struct Runner<'a> {
     wheels: WheelUse,
     refused: [u64; 2],
     offered: [u64; 2],
+    fixes_refused: Vec<usize>,
     refused_in_row: [u32; 2],
     since_slip_s: f64,
     since_road_m: f64,
@@ -120,6 +125,9 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         if k == start_k {
             runner.begin();
         }
+        if let Some(anchor) = setup.anchor {
+            runner.fixes(k, anchor, standing.is_some());
+        }
         if let Some(found) = runner.run.failed {
             return Err(ReconstructError::Innovation {
                 index: epoch.index,
@@ -151,6 +159,7 @@ pub fn run(given: Given<'_>) -> Result<Passed, ReconstructError> {
         stands: accepted,
         refused: runner.refused,
         offered: runner.offered,
+        fixes_refused: runner.fixes_refused,
     })
 }
 
@@ -178,6 +187,7 @@ impl<'a> Runner<'a> {
             wheels: WheelUse::default(),
             refused: [0; 2],
             offered: [0; 2],
+            fixes_refused: Vec::new(),
             refused_in_row: [0; 2],
             since_slip_s: 0.0,
             since_road_m: 0.0,

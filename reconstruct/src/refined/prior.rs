@@ -73,6 +73,9 @@ pub(super) fn covariance(given: &Given<'_>) -> Cov {
     set(TRACK, given.tuning.track_sd);
     let geometry = Geometry::new(&epochs.header.vehicle);
     set(LEVER, geometry.imu_sd.x.max(1e-6));
+    for (state, sd) in crate::anchor::rows::spreads(setup.anchor) {
+        set(state, sd);
+    }
     if given.rest.found() {
         for axis in 0..3 {
             set(POS + axis, REST_PLACE_SD);

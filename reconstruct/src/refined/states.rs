@@ -5,7 +5,8 @@
 //! earned its place by the coverage of the bounds: gyro scales of all axes (a roll-over turns about x), Coriolis where
 //! latitude and heading are not known, the delay of the wheels, and the rear axle's sideslip as a gradient and a
 //! correlated rest (as white noise of the same size it counts one fact several times), the track width (a tape measure
-//! and a rolling tyre do not agree to a percent; a wrong entry shows here), and the IMU's place along the car.
+//! and a rolling tyre do not agree to a percent; a wrong entry shows here), and the IMU's place along the car. Four more
+//! lay the path on satellite fixes: without fixes they touch nothing.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -15,7 +16,7 @@ use crate::frame::{Body, Vec3, exp_so3};
 use crate::mechanize::{Earth, Nav9};
 
 /// All states.
-pub const DIM: usize = 32;
+pub const DIM: usize = 36;
 /// Calibration states.
 pub const PARAMS: usize = DIM - STATES;
 
@@ -47,9 +48,15 @@ pub const TRACK: usize = 29;
 /// How much farther ahead of the rear axle the IMU sits than it is said to, m: in a turn that is a sideways speed, and
 /// the same in every turn.
 pub const LEVER: usize = 30;
+/// Turn of the path about its origin onto the satellite fixes, clockwise, rad, beside that of [`crate::anchor::Anchor`].
+pub const TURN: usize = 31;
+/// Place of the path's origin among the satellite fixes, north of the path's own axes, m, beside that of the anchor.
+pub const PLACE: usize = 32;
+/// What the fixes are later than they are said to be, s.
+pub const LAG: usize = 34;
 /// Sideslip of the rear axle beside that, rad: a Gauss-Markov process, and the last state: those before it from
 /// [`BA`] on are constant but for the jump of the biases.
-pub const SLIP: usize = 31;
+pub const SLIP: usize = 35;
 
 /// Covariance of all states.
 pub type Cov = SMatrix<f64, DIM, DIM>;

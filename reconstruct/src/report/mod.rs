@@ -11,6 +11,7 @@
 pub mod axis;
 pub mod case;
 pub(crate) mod finding_tables;
+pub mod fixes;
 pub(crate) mod impact_tables;
 pub mod labels;
 pub mod map;

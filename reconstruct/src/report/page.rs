@@ -9,7 +9,9 @@ use crate::report::number::{self, KMH};
 use crate::report::pictures::Pictures;
 use crate::report::plan::View;
 use crate::report::svg::escape;
-use crate::report::{finding_tables, impact_tables, map, record_tables, summary, tables, words};
+use crate::report::{
+    finding_tables, fixes, impact_tables, map, record_tables, summary, tables, words,
+};
 use crate::smooth::Smoother;
 
 const STYLE: &str = include_str!("page.css");
@@ -47,6 +49,9 @@ pub fn html(r: &Reconstruction, case: &Case<'_>, pictures: &Pictures) -> String 
     section(&mut out, "Path of the car", &path(r, pictures));
     if r.map.is_some() {
         section(&mut out, "Where on the map", &map::section(r));
+    }
+    if r.gnss.is_some() {
+        section(&mut out, "Satellite fixes", &fixes::section(r));
     }
     section(&mut out, "Motion over time", &over_time(pictures));
     section(&mut out, "Figures and their bounds", &tables::figures(r));
@@ -216,6 +221,8 @@ fn path(r: &Reconstruction, pictures: &Pictures) -> String {
             number::percent(r.confidence),
             if r.rest_pose.is_some() && r.map.is_some() {
                 ", the uncertainty of the fit to the road map included"
+            } else if r.gnss.as_ref().is_some_and(|g| g.pose.is_some()) {
+                ", the uncertainty of the satellite fixes included"
             } else if r.rest_pose.is_some() {
                 ", the uncertainty of the measured rest pose included"
             } else {

@@ -158,6 +158,7 @@ fn body(r: &Reconstruction, view: View, outline: &[Polygon], prefix: &str) -> St
         marks::cars(&mut svg, &frame, r, shown);
     }
     marks::samples(&mut svg, &frame, r, shown);
+    marks::fixes(&mut svg, &frame, r);
     marks::path(&mut svg, &frame, r, shown);
     marks::dots(&mut svg, &frame, shown);
     svg.raw("</g>");

@@ -16,7 +16,19 @@ const BRAKING: &str = "stroke=\"#d55e00\" stroke-width=\"6\" stroke-linejoin=\"r
 const AFTER: &str =
     "stroke=\"#111\" stroke-width=\"3\" stroke-dasharray=\"8 4\" stroke-linejoin=\"round\"";
 const SAMPLE: &str = "stroke=\"#1f5a96\" stroke-width=\"0.7\" stroke-opacity=\"0.45\"";
+const FIX: &str = "stroke=\"#117a52\" stroke-width=\"1.3\"";
+const LEFT_OUT: &str = "stroke=\"#999\" stroke-width=\"1\"";
 const NOMINAL_CAR: [f64; 2] = [4.4, 1.8];
+
+/// Satellite fixes of the time shown: crosses, grey where they were left out.
+pub(crate) fn fixes(svg: &mut Svg, frame: &Frame, r: &Reconstruction) {
+    for fix in r.gnss.iter().flat_map(|g| &g.residuals) {
+        let [x, y] = frame.at(fix.place);
+        let style = if fix.used { FIX } else { LEFT_OUT };
+        svg.line([x - 4.0, y - 4.0], [x + 4.0, y + 4.0], style);
+        svg.line([x - 4.0, y + 4.0], [x + 4.0, y - 4.0], style);
+    }
+}
 
 /// The path: approach, braking, after the first impact.
 pub(crate) fn path(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[State]) {
@@ -353,10 +365,17 @@ pub(crate) fn legend(svg: &mut Svg, r: &Reconstruction, view: View, [x, y]: [f64
     if !r.details.paths.places.is_empty() {
         entries.push(("sample", "samples".to_owned()));
     }
+    if r.gnss.as_ref().is_some_and(|g| !g.residuals.is_empty()) {
+        entries.push(("fix", "fixes".to_owned()));
+    }
     let mut at = x;
     for (kind, text) in &entries {
         let (from, to) = ([at, y], [at + 22.0, y]);
         match *kind {
+            "fix" => {
+                svg.line([at + 7.0, y - 4.0], [at + 15.0, y + 4.0], FIX);
+                svg.line([at + 7.0, y + 4.0], [at + 15.0, y - 4.0], FIX);
+            }
             "approach" => svg.line(from, to, APPROACH),
             "braking" => svg.line(from, to, BRAKING),
             "after" => svg.line(from, to, AFTER),

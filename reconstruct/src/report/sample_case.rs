@@ -163,6 +163,7 @@ fn findings(states: Vec<State>) -> Reconstruction {
         missing_samples: 15,
         clipped_samples: 0,
         rest_pose: None,
+        gnss: None,
         map: None,
         limits: vec![
             "Wheel speeds were not used from 1.8 s before the trigger on: under hard braking they read low.".to_owned(),

@@ -39,6 +39,7 @@ pub fn summary(r: &Reconstruction, case: &Case<'_>) -> Value {
     );
     out.insert("triggers".into(), Value::Array(triggers));
     out.insert("rest".into(), rest(r));
+    out.insert("fixes".into(), fixes(r));
     out.insert(
         "impact".into(),
         r.impacts
@@ -210,6 +211,32 @@ fn trigger(t: &Trigger, case: &Case<'_>) -> Value {
         "threshold": finite(t.threshold),
         "unit": trigger_unit(t.kind),
         "source": t.source,
+    })
+}
+
+/// What became of satellite fixes; null where the record has none.
+fn fixes(r: &Reconstruction) -> Value {
+    let Some(gnss) = &r.gnss else {
+        return Value::Null;
+    };
+    let pair = |x: [f64; 2]| json!({"value": finite(x[0]), "sd": finite(x[1])});
+    json!({
+        "source": gnss.source,
+        "offered": gnss.offered,
+        "used": gnss.used,
+        "left_out": gnss.left.iter().map(|(number, why)| json!({"number": number, "why": why.name()})).collect::<Vec<_>>(),
+        "scatter": finite(gnss.scale),
+        "placed": gnss.pose.is_some(),
+        "why_not": gnss.why,
+        "antenna_known": gnss.antenna_known,
+        "delay_s": gnss.pose.as_ref().map(|p| pair(p.lag_s)),
+        "clock_off_s": gnss.clock_off_s.map(pair),
+        "utc_from_fixes": gnss.clock_used,
+        "residuals": gnss.residuals.iter().map(|f| json!({
+            "number": f.number, "t_s": finite(f.t_s), "used": f.used,
+            "north_m": finite(f.place[0]), "east_m": finite(f.place[1]),
+            "off_north_m": finite(f.off[0]), "off_east_m": finite(f.off[1]),
+        })).collect::<Vec<_>>(),
     })
 }
 

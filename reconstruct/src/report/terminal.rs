@@ -166,6 +166,12 @@ fn rest(r: &Reconstruction, out: &mut Vec<String>) {
             ),
         ));
     }
+    if let Some(gnss) = &r.gnss {
+        out.push(item(
+            "On the earth",
+            &crate::report::fixes::line(gnss, r.confidence),
+        ));
+    }
     if let Some(placing) = &r.map {
         out.push(item(
             "On the map",

@@ -89,6 +89,8 @@ pub struct Options {
     pub refined: refined::Tuning,
     /// Smoother of the refined model.
     pub smoother: Smoother,
+    /// Lay the path on the record's satellite fixes, if it has any (refined model).
+    pub fixes: bool,
     /// Run no other model beside the one asked for: for sets of many crashes.
     pub alone: bool,
 }
@@ -107,6 +109,7 @@ impl Default for Options {
             tuning: Tuning::default(),
             refined: refined::Tuning::default(),
             smoother: Smoother::default(),
+            fixes: true,
             alone: false,
         }
     }

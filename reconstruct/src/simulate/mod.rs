@@ -21,6 +21,7 @@ mod draw;
 mod driver;
 pub mod errors;
 mod files;
+pub mod fixes;
 mod motion;
 mod process;
 mod pulse;

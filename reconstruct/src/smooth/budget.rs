@@ -19,7 +19,8 @@ use crate::error::ReconstructError;
 use crate::error_model::STATES;
 use crate::mechanize::backward;
 use crate::refined::states::{
-    BA, BG, CORIOLIS, DIM, LATENCY, LEVER, MOUNT_YAW, Nominal, Row, SA, SG, TRACK, WHEEL_LEFT,
+    BA, BG, CORIOLIS, DIM, LATENCY, LEVER, MOUNT_YAW, Nominal, Row, SA, SG, SLIP, TRACK, TURN,
+    WHEEL_LEFT,
 };
 use crate::refined::tape::Source;
 use crate::refined::transition::{Density, Transition};
@@ -151,6 +152,7 @@ impl Cause {
             LATENCY => Self::WheelDelay,
             TRACK => Self::TrackWidth,
             LEVER => Self::ImuPlace,
+            TURN..SLIP => Self::Fixes,
             WHEEL_LEFT..LATENCY => Self::WheelScale,
             _ => Self::SideSlip,
         }

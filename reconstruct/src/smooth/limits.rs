@@ -108,11 +108,11 @@ fn one_sided(v: f64) -> Option<(f64, f64)> {
 }
 
 /// `value` at or beyond `top` on either side, as a row that pulls it back.
-fn beyond(source: Source, value: f64, top: f64, h: Row, sd: f64) -> Option<Measured> {
+fn beyond(source: Source, value: f64, top: f64, h: &Row, sd: f64) -> Option<Measured> {
     let (residual, weight) = one_sided((value.abs() - top) / sd)?;
     Some(Measured {
         source,
-        h,
+        h: *h,
         residual: (residual * sd).copysign(value),
         r: sd * sd,
         weight,
@@ -140,7 +140,7 @@ fn road(
     for (index, top) in [road.roll_deg, road.pitch_deg].into_iter().enumerate() {
         let z = measure::road(nominal, index, 0.0, 1.0);
         let top = top.to_radians() + SPRING;
-        if let Some(row) = beyond(Source::Road, z.residual, top, z.h, ANGLE_SD * soft) {
+        if let Some(row) = beyond(Source::Road, z.residual, top, &z.h, ANGLE_SD * soft) {
             *(if index == 0 {
                 &mut used.roll
             } else {
@@ -153,7 +153,7 @@ fn road(
     let top = v.xy().norm() * road.pitch_deg.to_radians().sin() + VERTICAL;
     let mut h = Row::zeros();
     h[VEL + 2] = 1.0;
-    if let Some(row) = beyond(Source::Road, v.z, top, h, VERTICAL_SD * soft) {
+    if let Some(row) = beyond(Source::Road, v.z, top, &h, VERTICAL_SD * soft) {
         used.vertical += u64::from(row.weight > CROSSED);
         rows.push(row);
     }

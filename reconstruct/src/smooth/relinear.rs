@@ -6,10 +6,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::problem::{Measured, Problem, Stage};
+use crate::anchor::rows::{self, Doing};
 use crate::constraint::Geometry;
 use crate::error_model::{ATT, POS, STATES, VEL};
 use crate::mechanize::backward;
-use crate::refined::measure::{self, WheelFrame};
+use crate::refined::measure::{self, Scalar, WheelFrame};
 use crate::refined::pass::{Given, Passed};
 use crate::refined::states::{Nominal, PARAMS, Row, SLIP, WHEEL_LEFT};
 use crate::refined::tape::{Linear, Source, Step};
@@ -134,7 +135,10 @@ impl Ground<'_> {
             r: z.r,
             weight: 1.0,
         };
-        if let (Some((was, _)), Some((is, h))) = (
+        if let Some((was, is)) = self.fix(k, z, old, here) {
+            out.residual = z.residual + is.residual - was;
+            out.h = is.h;
+        } else if let (Some((was, _)), Some((is, h))) = (
             self.predicted(k, z, axis, old),
             self.predicted(k, z, axis, here),
         ) {
@@ -142,6 +146,35 @@ impl Ground<'_> {
             out.h = h;
         }
         out
+    }
+
+    /// Residual of a row of a satellite fix about `old`, where the pass had it, and the same row about `here`.
+    fn fix(&self, k: usize, z: &Linear, old: &Nominal, here: &Nominal) -> Option<(f64, Scalar)> {
+        let setup = self.given.setup;
+        let anchor = setup.anchor.filter(|_| z.source == Source::Fix)?;
+        let (accel, rate) = (&self.passed.inputs.accel[k], &self.passed.inputs.rate[k]);
+        let standing = self.passed.stands.iter().any(|s| s.range.contains(&k));
+        let doing = |n: &Nominal| Doing::of(n, standing, accel, rate, &setup.earth);
+        let all = |n: &Nominal| -> Vec<Scalar> {
+            let doing = doing(n);
+            anchor
+                .at(k)
+                .iter()
+                .flat_map(|fix| {
+                    let velocity = rows::velocity(n, &doing, anchor, fix);
+                    let place = rows::place(n, &doing, anchor, fix);
+                    place.into_iter().chain(velocity.into_iter().flatten())
+                })
+                .collect()
+        };
+        // The pass refused some: the row is known by its sensitivities and its residual.
+        let was = all(old);
+        let off = |row: &Scalar| (row.h - z.h).norm() + (row.residual - z.residual).abs();
+        let (number, row) = was
+            .iter()
+            .enumerate()
+            .min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+        Some((row.residual, *all(here).get(number)?))
     }
 
     /// Prediction of a row about a nominal, up to a constant, and its sensitivity; `None` for one that is linear as it is.

@@ -95,6 +95,18 @@ impl Adjoint {
         out
     }
 
+    /// Smoothed covariance of some states (rows) with others (columns).
+    #[must_use]
+    pub fn between<const R: usize, const C: usize>(
+        &self,
+        p: &Cov,
+        rows: [usize; R],
+        columns: [usize; C],
+    ) -> SMatrix<f64, R, C> {
+        let seen = columns.map(|c| product(&self.big, &p.column(c).into_owned()));
+        SMatrix::from_fn(|r, c| p[(rows[r], columns[c])] - p.column(rows[r]).dot(&seen[c]))
+    }
+
     /// Smoothed covariance of all states.
     #[must_use]
     pub fn whole(&self, p: &Cov) -> Cov {

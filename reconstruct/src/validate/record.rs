@@ -11,6 +11,7 @@ use schema::time::Grid;
 use schema::{Record, block};
 
 use crate::simulate::Simulated;
+use crate::simulate::fixes::{self, Received, Receiver};
 
 /// Monotonic time of the log's zero, s.
 const MONOTONIC_S: i64 = 100;
@@ -82,6 +83,36 @@ pub fn record(simulated: &Simulated, header: Header, cut_s: Option<f64>) -> Reco
         },
         header,
     }
+}
+
+/// [`record`] with what a satellite receiver says, and the true pose of the path on the earth.
+///
+/// The recorder's clock is off by [`Receiver::clock_off_s`] where that is given.
+#[must_use]
+pub fn with_fixes(
+    simulated: &Simulated,
+    header: Header,
+    cut_s: Option<f64>,
+    receiver: &Receiver,
+    seed: u64,
+) -> (Record, Received) {
+    let mut made = record(simulated, header, cut_s);
+    let zero_ns = MONOTONIC_S * 1_000_000_000;
+    let received = fixes::receive(
+        simulated,
+        receiver,
+        seed,
+        zero_ns,
+        made.header.clock.offset_ns,
+    );
+    let mut gnss = received.gnss.clone();
+    // The recorder keeps what came while it recorded.
+    let from = made.monotonic_ns(made.first_index());
+    let to = made.monotonic_ns(made.end_index());
+    gnss.fixes
+        .retain(|fix| (from..=to).contains(&fix.monotonic_ns));
+    made.gnss = Some(gnss);
+    (made, received)
 }
 
 /// What the recorder says of a record that lost its power.

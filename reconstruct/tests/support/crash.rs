@@ -93,6 +93,7 @@ impl Crash {
 
     pub(crate) fn setup(&self) -> Setup<'_> {
         Setup {
+            anchor: None,
             reversed: self.epochs.reversed(),
             start: &self.start,
             motion: &self.motion,
