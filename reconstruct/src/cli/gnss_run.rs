@@ -10,8 +10,9 @@ use reconstruct::gnss::drive::Speed;
 use reconstruct::gnss::forward::{self, Estimate, Start};
 use reconstruct::gnss::logs;
 use reconstruct::gnss::published::constants::{DT, GATE};
-use reconstruct::gnss::published::{self, GnssFix, Initial, Options, SpeedAid, SpeedUse};
+use reconstruct::gnss::published::{self, Initial, Options, SpeedAid, SpeedUse};
 use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
+use reconstruct::gnss::reference::{Reference, Second, compare};
 use reconstruct::gnss::rows::{Fix, Motion};
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth::smooth;
@@ -125,12 +126,12 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         Some(path) => {
             let read = read_fixes(open(path)?, &named(path), tolerance).map_err(|e| failed(&e))?;
             notes(path, &read);
-            read.rows
+            Reference::of_rows(&read.rows)
         }
-        None => Vec::new(),
+        None => Reference::default(),
     };
     let speeds = if args.exact_speed {
-        speeds(&reference)
+        reference.speeds()
     } else {
         Vec::new()
     };
@@ -147,7 +148,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
         "samples": track.len(), "fixes": used,
         "standing_s": standing_s(&track),
-        "deviation": deviation(&track, &reference),
+        "deviation": deviation(&compare(&track, &reference)),
         "notes": { "fixes": said[0], "motions": said[1] },
     });
     write_file(
@@ -259,7 +260,7 @@ fn by_published(
         },
         latency,
         speed: args.exact_speed.then(|| SpeedAid {
-            speeds: speed_at_fixes(&input.fixes, speeds, args.latency),
+            speeds: logs::speed_at_fixes(&input.fixes, speeds, args.latency),
             how: SpeedUse::Set,
         }),
         ..Options::default()
@@ -269,88 +270,18 @@ fn by_published(
         .iter()
         .filter(|s| s.used == published::Used::Gnss)
         .count();
-    let track = steps
-        .iter()
-        .map(|step| {
-            let place = reconstruct::wgs84::Geodetic {
-                latitude: step.lat,
-                longitude: step.lon,
-                height: step.height,
-            };
-            let to_local = place.c_en().transpose();
-            let mut p = nalgebra::SMatrix::<f64, 9, 9>::zeros();
-            for i in 0..9 {
-                p[(i, i)] = step.variances[i];
-            }
-            let angles = step.angles();
-            Estimate {
-                t_s: step.t_s - args.latency,
-                place,
-                v_n: to_local * step.velocity(),
-                angles: [
-                    angles.x,
-                    angles.y,
-                    angles.z.rem_euclid(std::f64::consts::TAU),
-                ],
-                p,
-                standing: step.used == published::Used::Stop,
-                fixed: step.used == published::Used::Gnss,
-            }
-        })
-        .collect();
+    let track = logs::track(&steps, args.latency);
     Ok((track, json!({ "offered": input.fixes.len(), "used": used })))
-}
-
-/// Speeds of the reference, one a row that has one.
-fn speeds(reference: &[Fix]) -> Vec<Speed> {
-    let of = |row: &Fix| row.velocity_ned.map(|v| v[0].hypot(v[1])).or(row.speed);
-    reference
-        .iter()
-        .filter_map(|row| {
-            Some(Speed {
-                t_s: row.head.obu_s,
-                speed: of(row)?,
-                sd: 0.05,
-            })
-        })
-        .collect()
-}
-
-/// The reference's speed when each fix was true, to half a second; NaN, which the filter leaves out, where there is none.
-fn speed_at_fixes(fixes: &[GnssFix], speeds: &[Speed], latency_s: f64) -> Vec<f64> {
-    fixes
-        .iter()
-        .map(|fix| {
-            let t = fix.t_s - latency_s;
-            let at = speeds.partition_point(|s| s.t_s < t - 0.5);
-            speeds
-                .get(at)
-                .filter(|s| (s.t_s - t).abs() <= 0.5)
-                .map_or(f64::NAN, |s| s.speed)
-        })
-        .collect()
 }
 
 /// Horizontal deviation from the reference at its stamps, m: mean, 95th percentile, largest, and how often the reference
 /// lies in the ellipse of 95 %; null where the two do not meet.
-fn deviation(track: &[Estimate], reference: &[Fix]) -> serde_json::Value {
-    let mut off = Vec::new();
-    let mut inside = 0_usize;
-    for row in reference {
-        let t = row.head.obu_s;
-        let at = track.partition_point(|e| e.t_s < t - 0.011);
-        let Some(e) = track.get(at).filter(|e| (e.t_s - t).abs() < 0.011) else {
-            continue;
-        };
-        // Where the sample lies some milliseconds beside the stamp, the velocity takes it there.
-        let here = e.place.moved(&(e.v_n * (t - e.t_s)));
-        let d = logs::place(row).to(&here).xy();
-        inside += usize::from(e.holds(&d, 0.95));
-        off.push(d.norm());
-    }
-    if off.is_empty() {
+fn deviation(list: &[Second]) -> serde_json::Value {
+    if list.is_empty() {
         return serde_json::Value::Null;
     }
+    let mut off: Vec<f64> = list.iter().map(|s| s.off_m).collect();
+    let inside = list.iter().filter(|s| s.inside).count();
     off.sort_by(f64::total_cmp);
     let last = off.len() - 1;
     json!({

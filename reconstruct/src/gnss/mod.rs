@@ -30,11 +30,14 @@ pub mod logs;
 pub mod notes;
 pub mod published;
 pub mod read;
+pub mod reference;
 pub mod rows;
 pub mod sheet;
 pub mod smooth;
+pub mod stands;
 pub mod stop;
 pub mod time;
+pub mod trial;
 pub mod write;
 
 pub use error::GnssError;
