@@ -75,7 +75,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         Filter::Refined => refined(args, &drive, speeds)?,
         Filter::Published => by_published(args, &logs, &drive, &speeds)?,
     };
-    let found = stands::detectors(&drive);
+    // They hear the fixes that the filter is given.
+    let found = stands::detectors(&drive.thinned(args.every));
     let counts: Vec<Count> = found
         .iter()
         .map(|f| stands::count(&drive, f, reference))

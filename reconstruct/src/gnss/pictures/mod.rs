@@ -4,6 +4,7 @@
 pub mod over_time;
 pub mod page;
 pub mod plan;
+mod plan_parts;
 mod stage;
 pub mod study;
 mod tables;

@@ -79,18 +79,8 @@ impl<'a> Stage<'a> {
         let id = format!("{}-{}", self.id, self.panels);
         let panel = self.lay(title, height, range, last, &id);
         let value = value(&panel);
-        // Time grid and headings as ever, the scale by hand: no round step of the logarithm falls within half of one.
-        Panel {
-            range: [0.0, 1e-9],
-            ..panel.clone()
-        }
-        .start(&mut self.svg, &[]);
+        panel.start_bare(&mut self.svg, &[]);
         let a = panel.area;
-        self.svg.rect(
-            [a.x - LEFT + 2.0, a.y - 4.0],
-            [LEFT - 3.0, a.h + 8.0],
-            "fill=\"#fff\"",
-        );
         for power in num::floor_i64(range[0].ceil())..=num::floor_i64(range[1]) {
             let y = value.at(num::real_i64(power));
             self.svg
@@ -149,17 +139,8 @@ impl<'a> Stage<'a> {
         let height = real(list.len()) * 24.0 + 6.0;
         let id = format!("{}-{}", self.id, self.panels);
         let panel = self.lay(title, height, [0.0, 1.0], true, &id);
-        Panel {
-            range: [1e-12, 1.1e-12],
-            ..panel.clone()
-        }
-        .start(&mut self.svg, &[]);
+        panel.start_bare(&mut self.svg, &[]);
         let a = panel.area;
-        self.svg.rect(
-            [a.x - LEFT + 2.0, a.y - 4.0],
-            [LEFT - 3.0, a.h + 8.0],
-            "fill=\"#fff\"",
-        );
         for (i, (name, color, spans)) in list.iter().enumerate() {
             let y = a.y + 4.0 + 24.0 * real(i);
             for [from, to] in joined(&panel, spans) {
@@ -227,7 +208,9 @@ fn joined(panel: &Panel<'_>, spans: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 fn shade(svg: &mut Svg, panel: &Panel<'_>, spans: &[[f64; 2]]) {
-    for [from, to] in joined(panel, spans) {
+    // A fix is fresh for a second: so outages that follow each other stay apart.
+    let stale: Vec<[f64; 2]> = spans.iter().map(|[a, b]| [(a + 1.0).min(*b), *b]).collect();
+    for [from, to] in joined(panel, &stale) {
         svg.rect(
             [from, panel.area.y],
             [(to - from).max(1.0), panel.area.h],

@@ -177,7 +177,7 @@ fn study_lines(study: &Study) -> Vec<Vec<String>> {
                 inside.map_or_else(
                     || "-".to_owned(),
                     |(share, error, n)| {
-                        let half = if error.is_finite() {
+                        let half = if error.is_finite() && error > 0.0 {
                             format!(" \u{b1} {:.0}", 100.0 * error)
                         } else {
                             String::new()
