@@ -1,6 +1,6 @@
 //! Quantities of a drive over time: deviation, speed and heading, the stop detector, gyro biases.
 
-use super::stage::{Key, Stage, dots, line, range, strokes, value};
+use super::stage::{Key, Stage, dots, line, range, reduced, strokes, value};
 use super::{OURS, OUTAGE, RECEIVER, Shown, TRUTH};
 use crate::error_model::{ATT, VEL};
 use crate::gnss::forward::{Estimate, Fate};
@@ -64,7 +64,7 @@ pub fn deviation(shown: &Shown<'_>) -> Option<String> {
             }
             out.push((s.t_s, Some(f(s)), 0.0));
         }
-        out
+        reduced(out, f64::INFINITY)
     };
     let (off, bound) = (of(|s| s.off_m), of(|s| s.bound_m));
     let mut own = Vec::new();
@@ -163,7 +163,7 @@ pub fn motion(shown: &Shown<'_>) -> String {
         true,
         shown.outages,
         |svg, panel| {
-            panel.series(svg, &ours(heading));
+            panel.series(svg, &ours(reduced(heading, 180.0)));
             let course = own(|v| {
                 (v.xy().norm() > GATE).then(|| v.y.atan2(v.x).to_degrees().rem_euclid(360.0))
             });

@@ -342,3 +342,45 @@ pub(super) fn range(points: &[(f64, Option<f64>, f64)]) -> [f64; 2] {
     let margin = 0.06 * (high - low);
     [low - margin, high + margin]
 }
+
+/// A series with many breaks in few points: of each of some 1,500 stretches the least and the largest value with the widest
+/// band, apart where they are more than `jump` apart, and a break where the stretch has one.
+pub(super) fn reduced(
+    points: Vec<(f64, Option<f64>, f64)>,
+    jump: f64,
+) -> Vec<(f64, Option<f64>, f64)> {
+    if points.len() < 6000 {
+        return points;
+    }
+    let mut out = Vec::new();
+    for part in points.chunks(points.len().div_ceil(1500)) {
+        let known = || {
+            part.iter()
+                .filter_map(|(t, v, half)| v.map(|v| (*t, v, *half)))
+        };
+        let (Some(least), Some(most)) = (
+            known().min_by(|a, b| a.1.total_cmp(&b.1)),
+            known().max_by(|a, b| a.1.total_cmp(&b.1)),
+        ) else {
+            out.push((part[0].0, None, 0.0));
+            continue;
+        };
+        let half = known().map(|k| k.2).fold(0.0, f64::max);
+        if part.iter().any(|p| p.1.is_none()) {
+            out.push((part[0].0, None, 0.0));
+        }
+        let pair = if least.0 <= most.0 {
+            [least, most]
+        } else {
+            [most, least]
+        };
+        out.push((pair[0].0, Some(pair[0].1), half));
+        if pair[1].0 > pair[0].0 {
+            if most.1 - least.1 > jump {
+                out.push((pair[1].0, None, 0.0));
+            }
+            out.push((pair[1].0, Some(pair[1].1), half));
+        }
+    }
+    out
+}

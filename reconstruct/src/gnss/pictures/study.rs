@@ -16,7 +16,7 @@ fn points(curve: Option<&Curve>, of: fn(&Second) -> f64) -> Vec<(f64, Option<f64
         out.extend(window.iter().map(|s| (s.t_s, Some(of(s)), 0.0)));
         out.extend(window.last().map(|s| (s.t_s, None, 0.0)));
     }
-    out
+    super::stage::reduced(out, f64::INFINITY)
 }
 
 /// The picture; an empty text where no experiment was done.
