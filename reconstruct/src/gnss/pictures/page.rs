@@ -274,7 +274,7 @@ pub fn experiments(all: &[Outcome], seeds: [u64; 2]) -> String {
                 "In a picture",
                 figure(
                     &picture::experiments(all),
-                    "Bars are intervals of 95 % of the means.",
+                    "Bars are intervals of 95 % of the means; a dot without a bar is one window, of which no interval can be told.",
                 ),
             ),
         ],

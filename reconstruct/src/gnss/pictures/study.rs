@@ -140,7 +140,10 @@ pub fn experiments(all: &[Outcome]) -> String {
             let y = y + 14.0 + 15.5 * real(k);
             let half = 1.96 * mean.error;
             let style = format!("stroke=\"{color}\" stroke-width=\"2.4\"");
-            svg.line([at(mean.mean - half), y], [at(mean.mean + half), y], &style);
+            // Of one window no interval can be told.
+            if half.is_finite() {
+                svg.line([at(mean.mean - half), y], [at(mean.mean + half), y], &style);
+            }
             svg.circle([at(mean.mean), y], 4.2, &format!("fill=\"{color}\""));
         }
     }

@@ -14,7 +14,9 @@ pub(super) fn with_error(mean: Option<Mean>) -> String {
     mean.map_or_else(
         || "cannot tell".to_owned(),
         |m| {
-            if m.error.is_finite() {
+            if m.error.abs() < 1e-12 {
+                format!("{:.1} (each of {})", m.mean, m.count)
+            } else if m.error.is_finite() {
                 format!("{:.1} \u{b1} {:.1}", m.mean, m.error)
             } else {
                 format!("{:.1} (one value)", m.mean)
