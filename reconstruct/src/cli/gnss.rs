@@ -7,6 +7,7 @@ use clap::{Subcommand, ValueEnum};
 use reconstruct::gnss::experiments::{self, Experiment, Outcome};
 use reconstruct::gnss::layout::Layout;
 use reconstruct::gnss::logs::{self, Axes};
+use reconstruct::gnss::pictures::page;
 use reconstruct::gnss::published::SLIPS;
 use reconstruct::gnss::published::sensor::Orientation;
 use reconstruct::gnss::write::{write_fixes, write_motions};
@@ -16,7 +17,9 @@ use schema::num::real;
 use serde_json::json;
 
 use crate::cli::validate::{Seeds, seeds};
-use crate::cli::{CliError, SOUND, complain, gnss_run, print, print_json, write_file};
+use crate::cli::{
+    CliError, SOUND, complain, gnss_outages, gnss_run, print, print_json, write_file,
+};
 
 /// Arguments of `gnss`.
 #[derive(Debug, clap::Args)]
@@ -27,8 +30,10 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Reckon a drive from a log of fixes and one of inertial samples: track.csv and summary.json
+    /// Reckon a drive from a log of fixes and one of inertial samples: track.csv, summary.json, report.html, pictures
     Run(Box<gnss_run::Args>),
+    /// Withhold fixes of a drive with a reference as S00 does: what both filters make of the outages
+    Outages(Box<gnss_outages::Args>),
     /// Make both logs, and those of a reference receiver, of a town drive with known truth
     Simulate(SimulateArgs),
     /// The experiments of S00 on simulated drives: its filter and ours
@@ -78,6 +83,9 @@ struct ExperimentArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Folder for experiments.html, the table with its errors and a picture; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// A failure in words, exit code 1.
@@ -88,6 +96,7 @@ pub(crate) fn failed(error: &dyn std::fmt::Display) -> CliError {
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     match &args.command {
         Command::Run(args) => gnss_run::run(args),
+        Command::Outages(args) => gnss_outages::run(args),
         Command::Simulate(args) => simulate(args),
         Command::Experiments(args) => experiment(args),
         Command::Slips => slips(),
@@ -163,6 +172,11 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
             "published_m": published, "published_mended_m": mended, "cold_m": cold, "ours_m": ours,
             "smoothed_m": smoothed, "inside_95": inside,
         }));
+    }
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).map_err(|e| CliError::file(out, e))?;
+        let html = page::experiments(&all, [args.seeds.first, args.seeds.last]);
+        write_file(&out.join("experiments.html"), html.as_bytes())?;
     }
     if args.json {
         print_json(&json!({ "seeds": [args.seeds.first, args.seeds.last], "rows": rows }))?;

@@ -1,26 +1,27 @@
 //! `reconstruct gnss run`: a drive from both logs of a box.
 
 use std::fmt::Write;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use reconstruct::gnss::drive::Speed;
-use reconstruct::gnss::forward::{self, Estimate, Start};
+use reconstruct::gnss::drive::{Drive, Fixed, Speed};
+use reconstruct::gnss::forward::{self, Estimate, Fate, Start};
 use reconstruct::gnss::logs;
+use reconstruct::gnss::pictures::{self, Shot, Shown, page};
 use reconstruct::gnss::published::constants::{DT, GATE};
-use reconstruct::gnss::published::{self, GnssFix, Initial, Options, SpeedAid, SpeedUse};
-use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
-use reconstruct::gnss::rows::{Fix, Motion};
+use reconstruct::gnss::published::{self, Initial, Options, SpeedAid, SpeedUse};
+use reconstruct::gnss::reference::{Second, compare};
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth::smooth;
+use reconstruct::gnss::stands::{self, Count};
 use reconstruct::gnss::stop::{Detector, ENTRY_S, EXIT_S};
+use reconstruct::report::svg;
 use schema::num::real;
 use serde_json::json;
 
-use crate::cli::gnss::{SensorAxes, failed};
-use crate::cli::{CliError, GAPS, SOUND, complain, print, write_file};
+use crate::cli::gnss::failed;
+use crate::cli::gnss_logs::{self, LogArgs, Logs, seconds};
+use crate::cli::{CliError, GAPS, SOUND, print, write_file};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Filter {
@@ -31,26 +32,9 @@ enum Filter {
 }
 
 #[derive(Debug, clap::Args)]
-#[allow(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command line"
-)]
 pub(crate) struct Args {
-    /// Log of fixes, 35 columns
-    #[arg(long, value_name = "FILE")]
-    fixes: PathBuf,
-    /// Log of accelerations and rates, 14 columns
-    #[arg(long, value_name = "FILE")]
-    motions: PathBuf,
-    /// Equipment to take, where the logs hold several
-    #[arg(long, value_name = "ID")]
-    equipment: Option<u32>,
-    /// Drive to take
-    #[arg(long, value_name = "ID")]
-    drive: Option<u32>,
-    /// Leg to take
-    #[arg(long, value_name = "ID")]
-    leg: Option<u32>,
+    #[command(flatten)]
+    logs: LogArgs,
     /// Filter
     #[arg(long, value_enum, default_value = "refined")]
     filter: Filter,
@@ -63,151 +47,116 @@ pub(crate) struct Args {
     /// No stop detector
     #[arg(long)]
     no_stop: bool,
-    /// Axes of the inertial sensors
-    #[arg(long, value_enum, default_value = "tag")]
-    axes: SensorAxes,
-    /// Delay of the fixes behind the inertial samples
-    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
-    latency: f64,
-    /// Log of a reference receiver, in the format of the fixes and on the box's clock: the deviation from it goes into the
-    /// summary
-    #[arg(long, value_name = "FILE")]
-    reference: Option<PathBuf>,
     /// Take the speed of the reference, once a second, as a speedometer [S00, 3.8]
     #[arg(long, requires = "reference")]
     exact_speed: bool,
-    /// Skip lines that cannot be read, and count them
-    #[arg(long)]
-    skip_broken: bool,
     /// Folder for the results; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, CliError> {
-    File::open(path)
-        .map(BufReader::new)
-        .map_err(|error| CliError::file(path, error))
-}
-
-fn notes<T>(path: &Path, read: &Read<T>) -> Vec<String> {
-    let notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
-    for note in &notes {
-        complain("note", &format!("{}: {note}", path.display()));
-    }
-    notes
-}
+/// A reckoned drive, what it says of its fixes for the summary, and each of them.
+type Reckoned = (Vec<Estimate>, serde_json::Value, Vec<Shot>);
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
-    for (name, value) in [("--every", args.every), ("--latency", args.latency)] {
-        if !(value.is_finite() && (0.0..=3600.0).contains(&value)) {
-            return Err(failed(&format!(
-                "{name}: expected 0 to 3600 s, found {value}"
-            )));
-        }
-    }
-    let tolerance = if args.skip_broken {
-        Tolerance::SkipBroken
-    } else {
-        Tolerance::Strict
-    };
-    let named = |path: &Path| path.display().to_string();
-    let fixes =
-        read_fixes(open(&args.fixes)?, &named(&args.fixes), tolerance).map_err(|e| failed(&e))?;
-    let motions = read_motions(open(&args.motions)?, &named(&args.motions), tolerance)
-        .map_err(|e| failed(&e))?;
-    let said = [notes(&args.fixes, &fixes), notes(&args.motions, &motions)];
-    let chosen_fixes = fixes.select(args.equipment, args.drive, args.leg);
-    let chosen = motions.select(args.equipment, args.drive, args.leg);
-    one_leg(&fixes, chosen_fixes.len(), args, &args.fixes)?;
-    one_leg(&motions, chosen.len(), args, &args.motions)?;
-    let reference = match &args.reference {
-        Some(path) => {
-            let read = read_fixes(open(path)?, &named(path), tolerance).map_err(|e| failed(&e))?;
-            notes(path, &read);
-            read.rows
-        }
-        None => Vec::new(),
-    };
+    seconds("--every", args.every)?;
+    let logs = gnss_logs::read(&args.logs)?;
+    let reference = &logs.reference;
     let speeds = if args.exact_speed {
-        speeds(&reference)
+        reference.speeds()
     } else {
         Vec::new()
     };
-    let (track, used) = match args.filter {
-        Filter::Refined => refined(args, &chosen_fixes, &chosen, speeds)?,
-        Filter::Published => by_published(args, &chosen_fixes, &chosen, &speeds)?,
+    let sheet = Sheet::default();
+    let fixed = logs::fixes(&logs.fixes, args.logs.latency, &sheet);
+    let drive = logs::drive(&logs.motions, &args.logs.axes.into(), fixed, Vec::new())
+        .map_err(|e| failed(&e))?;
+    let (track, used, shots) = match args.filter {
+        Filter::Refined => refined(args, &drive, speeds)?,
+        Filter::Published => by_published(args, &logs, &drive, &speeds)?,
+    };
+    // They hear the fixes that the filter is given.
+    let found = stands::detectors(&drive.thinned(args.every));
+    let counts: Vec<Count> = found
+        .iter()
+        .map(|f| stands::count(&drive, f, reference))
+        .filter(|c| c.seconds > 0)
+        .collect();
+    let seconds = compare(&track, reference);
+    let shown = Shown {
+        filter: match (args.filter, args.no_smoother) {
+            (Filter::Published, _) => "that of S00",
+            (Filter::Refined, true) => "ours, running",
+            (Filter::Refined, false) => "ours, smoothed",
+        },
+        track: &track,
+        shots: &shots,
+        drive: &drive,
+        found: &found,
+        reference,
+        seconds: &seconds,
+        counts: &counts,
+        outages: &pictures::outages(&track, &shots),
     };
     std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
     write_file(&args.out.join("track.csv"), csv(&track).as_bytes())?;
     let summary = json!({
         "filter": args.filter.to_possible_value().map(|v| v.get_name().to_owned()),
         "smoothed": args.filter == Filter::Refined && !args.no_smoother,
-        "fixes_every_s": args.every, "latency_s": args.latency, "stop_detector": !args.no_stop,
+        "fixes_every_s": args.every, "latency_s": args.logs.latency, "stop_detector": !args.no_stop,
         "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
         "samples": track.len(), "fixes": used,
         "standing_s": standing_s(&track),
-        "deviation": deviation(&track, &reference),
-        "notes": { "fixes": said[0], "motions": said[1] },
+        "deviation": deviation(&seconds),
+        "stop_errors": page::stops_json(&counts),
+        "notes": { "fixes": logs.said[0], "motions": logs.said[1], "reference": logs.said[2] },
     });
     write_file(
         &args.out.join("summary.json"),
         format!("{summary:#}\n").as_bytes(),
     )?;
-    print(&format!("{}\n", args.out.join("track.csv").display()))?;
-    Ok(if said.iter().all(Vec::is_empty) {
+    draw(
+        &args.out,
+        &shown,
+        &gnss_logs::files(&args.logs),
+        &logs.notes(&args.logs),
+    )?;
+    let mut text = String::new();
+    for name in ["track.csv", "summary.json", "report.html", "pictures"] {
+        let _ = writeln!(text, "{}", args.out.join(name).display());
+    }
+    if !counts.is_empty() {
+        let _ = write!(
+            text,
+            "\nErrors of the stop detectors against a reference speed of 0.2 m/s; in brackets 95 %.\n{}",
+            page::stops_text(&counts)
+        );
+    }
+    print(&text)?;
+    Ok(if logs.said.iter().all(Vec::is_empty) {
         SOUND
     } else {
         GAPS
     })
 }
 
-/// Several legs in one log are several drives on several clocks: one has to be chosen.
-fn one_leg<T: reconstruct::gnss::rows::Row>(
-    read: &Read<T>,
-    chosen: usize,
-    args: &Args,
-    path: &Path,
-) -> Result<(), CliError> {
-    let fits = |choice: Option<u32>, id: u32| choice.is_none_or(|c| c == id);
-    let legs: Vec<String> = read
-        .legs()
-        .iter()
-        .filter(|(l, _)| {
-            fits(args.equipment, l.equipment) && fits(args.drive, l.drive) && fits(args.leg, l.leg)
-        })
-        .map(|(l, rows)| {
-            format!(
-                "equipment {} drive {} leg {} ({rows} rows)",
-                l.equipment, l.drive, l.leg
-            )
-        })
-        .collect();
-    if legs.len() == 1 && chosen > 0 {
-        return Ok(());
+/// The page and the pictures as files of their own.
+fn draw(out: &Path, shown: &Shown<'_>, files: &str, notes: &[String]) -> Result<(), CliError> {
+    let list = pictures::all(shown);
+    let folder = out.join("pictures");
+    std::fs::create_dir_all(&folder).map_err(|e| CliError::file(&folder, e))?;
+    for (name, _, picture) in &list {
+        let path = folder.join(format!("{name}.svg"));
+        write_file(&path, svg::file(picture).as_bytes())?;
     }
-    Err(failed(&format!(
-        "{}: expected one leg (--equipment, --drive, --leg), found {}",
-        path.display(),
-        if legs.is_empty() {
-            "none".to_owned()
-        } else {
-            legs.join(", ")
-        }
-    )))
+    let html = page::drive(shown, &list, files, notes);
+    write_file(&out.join("report.html"), html.as_bytes())
 }
 
-fn refined(
-    args: &Args,
-    fixes: &[Fix],
-    motions: &[Motion],
-    speeds: Vec<Speed>,
-) -> Result<(Vec<Estimate>, serde_json::Value), CliError> {
+fn refined(args: &Args, whole: &Drive, speeds: Vec<Speed>) -> Result<Reckoned, CliError> {
     let sheet = Sheet::default();
-    let fixed = logs::fixes(fixes, args.latency, &sheet);
-    let drive = logs::drive(motions, &args.axes.into(), fixed, speeds)
-        .map_err(|e| failed(&e))?
-        .thinned(args.every);
+    let mut drive = whole.thinned(args.every);
+    drive.speeds = speeds;
     let found = if args.no_stop {
         vec![false; drive.periods.len()]
     } else {
@@ -223,26 +172,43 @@ fn refined(
         smooth(&passed)
     };
     let f = &passed.fixes;
-    Ok((
-        track,
-        json!({ "offered": f.offered, "used": f.used, "refused": f.refused, "forced": f.forced }),
-    ))
+    let said =
+        json!({ "offered": f.offered, "used": f.used, "refused": f.refused, "forced": f.forced });
+    let fate = |fix: &Fixed| {
+        let at = passed.fates.partition_point(|x| x.0 < fix.t_s);
+        let own = passed.fates.get(at).filter(|x| x.0 <= fix.t_s);
+        // That of the start is used by the start.
+        let start = track
+            .first()
+            .is_some_and(|e| (e.t_s - fix.t_s).abs() < 0.03);
+        own.map(|x| x.1).or(start.then_some(Fate::Used))
+    };
+    let shots = whole
+        .fixes
+        .iter()
+        .map(|fix| Shot {
+            fix: *fix,
+            fate: fate(fix),
+        })
+        .collect();
+    Ok((track, said, shots))
 }
 
 fn by_published(
     args: &Args,
-    fixes: &[Fix],
-    motions: &[Motion],
+    logs: &Logs,
+    drive: &Drive,
     speeds: &[Speed],
-) -> Result<(Vec<Estimate>, serde_json::Value), CliError> {
-    let mut input = logs::published(motions, &args.axes.into(), fixes);
+) -> Result<Reckoned, CliError> {
+    let latency_s = args.logs.latency;
+    let mut input = logs::published(&logs.motions, &args.logs.axes.into(), &logs.fixes);
     let moving = input
         .fixes
         .iter()
         .position(|f| f.v_ned.norm() >= GATE)
         .ok_or_else(|| failed(&"fixes: expected one that moves at 3 m/s or more, found none"))?;
     input.fixes.drain(..moving);
-    let latency = schema::num::round_usize(args.latency / DT);
+    let latency = schema::num::round_usize(latency_s / DT);
     // The program wants samples ahead of its first fix.
     let lead = input.motions.first().map_or(0.0, |m| m.t_s) + real(latency + 60) * DT;
     input.fixes.retain(|f| f.t_s >= lead);
@@ -259,7 +225,7 @@ fn by_published(
         },
         latency,
         speed: args.exact_speed.then(|| SpeedAid {
-            speeds: speed_at_fixes(&input.fixes, speeds, args.latency),
+            speeds: logs::speed_at_fixes(&input.fixes, speeds, latency_s),
             how: SpeedUse::Set,
         }),
         ..Options::default()
@@ -269,88 +235,35 @@ fn by_published(
         .iter()
         .filter(|s| s.used == published::Used::Gnss)
         .count();
-    let track = steps
+    let track = logs::track(&steps, latency_s);
+    let taken: Vec<f64> = track.iter().filter(|e| e.fixed).map(|e| e.t_s).collect();
+    let shots = drive
+        .fixes
         .iter()
-        .map(|step| {
-            let place = reconstruct::wgs84::Geodetic {
-                latitude: step.lat,
-                longitude: step.lon,
-                height: step.height,
-            };
-            let to_local = place.c_en().transpose();
-            let mut p = nalgebra::SMatrix::<f64, 9, 9>::zeros();
-            for i in 0..9 {
-                p[(i, i)] = step.variances[i];
-            }
-            let angles = step.angles();
-            Estimate {
-                t_s: step.t_s - args.latency,
-                place,
-                v_n: to_local * step.velocity(),
-                angles: [
-                    angles.x,
-                    angles.y,
-                    angles.z.rem_euclid(std::f64::consts::TAU),
-                ],
-                p,
-                standing: step.used == published::Used::Stop,
-                fixed: step.used == published::Used::Gnss,
+        .map(|fix| {
+            let at = taken.partition_point(|t| *t < fix.t_s - 1e-3);
+            let used = taken.get(at).is_some_and(|t| t - fix.t_s < 1.5 * DT);
+            Shot {
+                fix: *fix,
+                fate: used.then_some(Fate::Used),
             }
         })
         .collect();
-    Ok((track, json!({ "offered": input.fixes.len(), "used": used })))
-}
-
-/// Speeds of the reference, one a row that has one.
-fn speeds(reference: &[Fix]) -> Vec<Speed> {
-    let of = |row: &Fix| row.velocity_ned.map(|v| v[0].hypot(v[1])).or(row.speed);
-    reference
-        .iter()
-        .filter_map(|row| {
-            Some(Speed {
-                t_s: row.head.obu_s,
-                speed: of(row)?,
-                sd: 0.05,
-            })
-        })
-        .collect()
-}
-
-/// The reference's speed when each fix was true, to half a second; NaN, which the filter leaves out, where there is none.
-fn speed_at_fixes(fixes: &[GnssFix], speeds: &[Speed], latency_s: f64) -> Vec<f64> {
-    fixes
-        .iter()
-        .map(|fix| {
-            let t = fix.t_s - latency_s;
-            let at = speeds.partition_point(|s| s.t_s < t - 0.5);
-            speeds
-                .get(at)
-                .filter(|s| (s.t_s - t).abs() <= 0.5)
-                .map_or(f64::NAN, |s| s.speed)
-        })
-        .collect()
+    Ok((
+        track,
+        json!({ "offered": input.fixes.len(), "used": used }),
+        shots,
+    ))
 }
 
 /// Horizontal deviation from the reference at its stamps, m: mean, 95th percentile, largest, and how often the reference
 /// lies in the ellipse of 95 %; null where the two do not meet.
-fn deviation(track: &[Estimate], reference: &[Fix]) -> serde_json::Value {
-    let mut off = Vec::new();
-    let mut inside = 0_usize;
-    for row in reference {
-        let t = row.head.obu_s;
-        let at = track.partition_point(|e| e.t_s < t - 0.011);
-        let Some(e) = track.get(at).filter(|e| (e.t_s - t).abs() < 0.011) else {
-            continue;
-        };
-        // Where the sample lies some milliseconds beside the stamp, the velocity takes it there.
-        let here = e.place.moved(&(e.v_n * (t - e.t_s)));
-        let d = logs::place(row).to(&here).xy();
-        inside += usize::from(e.holds(&d, 0.95));
-        off.push(d.norm());
-    }
-    if off.is_empty() {
+fn deviation(list: &[Second]) -> serde_json::Value {
+    if list.is_empty() {
         return serde_json::Value::Null;
     }
+    let mut off: Vec<f64> = list.iter().map(|s| s.off_m).collect();
+    let inside = list.iter().filter(|s| s.inside).count();
     off.sort_by(f64::total_cmp);
     let last = off.len() - 1;
     json!({

@@ -13,6 +13,8 @@ mod design;
 mod export;
 mod fetch;
 mod gnss;
+mod gnss_logs;
+mod gnss_outages;
 mod gnss_run;
 mod inspect;
 mod load;

@@ -5,19 +5,17 @@
 //! the same start, and with a fix each second until the window begins. A window's figure is the largest horizontal deviation
 //! from the truth at its full seconds.
 
-use nalgebra::{Vector2, Vector3};
-use schema::num::real;
+use nalgebra::Vector3;
 
-use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
+use super::drive::{Drive, Fixed, ReckonError, Stamped};
 use super::forward::{self, Estimate, Start};
-use super::published::{
-    self, GnssFix, ImuSample, Initial, Input, Options, SpeedAid, SpeedUse, Variant,
-};
+use super::published::{self, GnssFix, ImuSample, Initial, Input, Variant};
+use super::reference::{Reference, Second, compare};
 use super::sheet::Sheet;
 use super::smooth::smooth;
-use super::stop::{Detector, ENTRY_S, EXIT_S};
+use super::stop::Detector;
+use super::trial::{Trial, ours, standing};
 use crate::simulate::city::{self, BoxSheet, CityDrive, EARLIER_S, IMU_HZ};
-use crate::wgs84::Geodetic;
 
 /// Length of a drive, s.
 const DRIVE_S: f64 = 200.0;
@@ -120,6 +118,8 @@ pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError>
     let city = city::drive(seed, DRIVE_S, sheet)?;
     let drive = drive(&city, sheet)?;
     let known = Sheet::default().heard(&drive, &Detector::default().detect(&drive));
+    let truth = Reference::of_truth(&city);
+    let speeds = truth.speeds();
     let mut out = Vec::new();
     for experiment in Experiment::ALL {
         let windows = if experiment.length() == LENGTHS[0] {
@@ -131,8 +131,23 @@ pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError>
             let first = FIRST + window * APART;
             let moving = city.truth.get(first).is_some_and(|t| t.speed >= MOVING);
             if moving && first + experiment.length() < city.truth.len() {
-                let window = Window::new(experiment, &city, &drive, sheet, first);
-                out.push(one(&window, &drive, &known)?);
+                let last = first + experiment.length();
+                let span = [city.truth[first].t_s, city.truth[last].t_s];
+                let mut part = drive.clone();
+                part.periods.truncate(last + 1);
+                let window = Window {
+                    trial: Trial {
+                        experiment,
+                        windows: &[span],
+                        speeds: &speeds,
+                    },
+                    city: &city,
+                    sheet,
+                    first,
+                    span,
+                    truth: &truth,
+                };
+                out.push(one(&window, &part, &known)?);
             }
         }
     }
@@ -165,158 +180,80 @@ pub fn drive(city: &CityDrive, sheet: &BoxSheet) -> Result<Drive, ReckonError> {
 
 /// One window of a drive.
 struct Window<'a> {
-    experiment: Experiment,
+    trial: Trial<'a>,
     city: &'a CityDrive,
     sheet: &'a BoxSheet,
     first: usize,
-    /// Up to the window's end; fixes within it alone.
-    part: Drive,
-    /// Stamps and exact speeds, one a second.
-    speeds: Vec<(f64, f64)>,
+    span: [f64; 2],
+    /// At the full seconds of the window.
+    truth: &'a Reference,
 }
 
-impl<'a> Window<'a> {
-    fn new(
-        experiment: Experiment,
-        city: &'a CityDrive,
-        whole: &Drive,
-        sheet: &'a BoxSheet,
-        first: usize,
-    ) -> Self {
-        let last = first + experiment.length();
-        let (t_first, t_last) = (city.truth[first].t_s, city.truth[last].t_s);
-        let within = |t: f64| t > t_first - 0.01 && t < t_last + 0.01;
-        let mut part = whole.clone();
-        part.periods.truncate(last + 1);
-        part.fixes.retain(|f| within(f.t_s));
-        let speeds = city
-            .truth
-            .iter()
-            .filter(|t| within(t.t_s))
-            .step_by(IMU_HZ)
-            .map(|t| (t.t_s, t.speed))
-            .collect();
-        Self {
-            experiment,
-            city,
-            sheet,
-            first,
-            part,
-            speeds,
-        }
-    }
-
-    /// From the truth at sample `k` to a place, north and east, m.
-    fn off(&self, k: usize, place: &Geodetic) -> Vector2<f64> {
-        self.city.truth[k].place.to(place).xy()
-    }
-
-    /// What the published filter takes: the whole drive's samples, the window's fixes.
-    fn input(&self) -> Input {
-        let city = self.city;
-        let fixes = self.part.fixes.iter();
+impl Window<'_> {
+    /// What the published filter takes: the whole drive's samples, and its fixes as they came.
+    fn input(&self, whole: &Drive) -> Input {
+        let fixes = whole.fixes.iter().map(|f| GnssFix {
+            t_s: f.t_s + self.sheet.latency_s,
+            lat: f.place.latitude,
+            lon: f.place.longitude,
+            height: f.place.height,
+            v_ned: f.v_n.unwrap_or_else(Vector3::zeros),
+        });
+        let samples = self.city.samples.iter().map(|s| ImuSample {
+            t_s: s.t_s,
+            accel_b: s.accel,
+            rate_b: s.rate,
+        });
         Input {
-            fixes: fixes
-                .map(|f| GnssFix {
-                    t_s: f.t_s + self.sheet.latency_s,
-                    lat: f.place.latitude,
-                    lon: f.place.longitude,
-                    height: f.place.height,
-                    v_ned: f.v_n.unwrap_or_else(Vector3::zeros),
-                })
-                .collect(),
-            motions: city
-                .samples
-                .iter()
-                .map(|s| ImuSample {
-                    t_s: s.t_s,
-                    accel_b: s.accel,
-                    rate_b: s.rate,
-                })
-                .collect(),
+            fixes: fixes.collect(),
+            motions: samples.collect(),
         }
     }
 
     /// Largest deviation of the published filter, m.
     fn published(&self, input: &Input, variant: Variant) -> Result<f64, ExperimentError> {
-        let (city, first) = (self.city, self.first);
-        let mut initial = Initial::from_reference(&input.fixes[0], &city.truth[first].v_n);
-        initial.yaw = city.truth[first].angles[2];
-        initial.bias = city.earlier_bias;
-        initial.v_ned = input.fixes[0].v_ned;
-        let options = Options {
-            variant,
-            every: match self.experiment {
-                Experiment::Every(seconds) => Some(seconds),
-                _ => None,
-            },
-            speed: (self.experiment == Experiment::ExactSpeed).then(|| SpeedAid {
-                speeds: self.speeds.iter().map(|s| s.1).collect(),
-                how: SpeedUse::Set,
-            }),
-            ..Options::default()
+        let truth = &self.city.truth[self.first];
+        let start = |fix: &GnssFix| Initial {
+            yaw: truth.angles[2],
+            bias: self.city.earlier_bias,
+            v_ned: fix.v_ned,
+            ..Initial::from_reference(fix, &truth.v_n)
         };
-        let steps = published::run(input, &initial, &options)?;
-        let seconds = steps.iter().filter(|s| full_second(s.sample, first));
-        Ok(seconds.fold(0.0, |most, step| {
-            let place = Geodetic {
-                latitude: step.lat,
-                longitude: step.lon,
-                height: step.height,
-            };
-            f64::max(most, self.off(step.sample, &place).norm())
-        }))
+        let latency_s = self.sheet.latency_s;
+        let track = self.trial.published(0, input, latency_s, &start, variant)?;
+        // It ends before the second of its last fix.
+        let last = track.last().map_or(f64::NEG_INFINITY, |e| e.t_s + 1e-3);
+        let mut list = self.seconds(&track);
+        list.retain(|s| s.t_s < last);
+        Ok(most(&list))
     }
 
-    /// The part with the fixes withheld that the experiment withholds, the first one among them.
-    fn withheld(&self) -> Drive {
-        let mut part = self.part.clone();
-        let given = part.fixes.remove(0);
-        match self.experiment {
-            Experiment::Every(seconds) => {
-                let mut next = given.t_s + real(seconds) - 1e-6;
-                part.fixes.retain(|fix| {
-                    let keep = fix.t_s >= next;
-                    if keep {
-                        next += real(seconds);
-                    }
-                    keep
-                });
-            }
-            Experiment::Blind => part.fixes.clear(),
-            Experiment::ExactSpeed => {
-                part.fixes.clear();
-                let speed = |(t_s, speed): &(f64, f64)| Speed {
-                    t_s: *t_s,
-                    speed: *speed,
-                    sd: 0.05,
-                };
-                part.speeds = self.speeds.iter().map(speed).collect();
-            }
-        }
-        part
+    /// Deviations at the full seconds of the window, the first left out.
+    fn seconds(&self, track: &[Estimate]) -> Vec<Second> {
+        let mut list = compare(track, self.truth);
+        list.retain(|s| s.t_s > self.span[0] + 0.01 && s.t_s < self.span[1] + 0.01);
+        list
     }
+}
 
-    /// Deviations at the full seconds of the window from estimates that begin with sample `from`.
-    fn seconds(&self, list: &[Estimate], from: usize) -> Vec<(Vector2<f64>, Estimate)> {
-        let all = list.iter().enumerate();
-        let chosen = all.filter(|(i, _)| full_second(from + i, self.first));
-        chosen
-            .map(|(i, e)| (self.off(from + i, &e.place), *e))
-            .collect()
-    }
+fn most(list: &[Second]) -> f64 {
+    list.iter().fold(0.0, |m, s| s.off_m.max(m))
 }
 
 fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, ExperimentError> {
     let (city, first) = (window.city, window.first);
-    let input = window.input();
+    let input = window.input(whole);
     let published_m = [
         window.published(&input, Variant::program())?,
         window.published(&input, Variant::corrected())?,
     ];
-    let given = window.part.fixes[0];
-    let mut part = window.withheld();
-    let detector = Detector::default();
+    let mut whole = whole.clone();
+    whole.fixes.retain(|f| f.t_s < window.span[1] + 0.01);
+    let part = window.trial.withheld(&whole);
+    let after = |t: f64| t > window.span[0] - 0.01;
+    let mut cold = part.clone();
+    cold.fixes.retain(|f| after(f.t_s));
+    let given = cold.fixes.remove(0);
     let bias_sd = known.rate_drift * (city.truth[first].t_s + EARLIER_S).sqrt();
     let start = Start {
         first,
@@ -328,31 +265,18 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         angles_sd: [0.04, 0.04, 0.01],
         rate_bias: Some((city.earlier_bias, bias_sd)),
     };
-    let stands =
-        |drive: &Drive| Detector::hindsight(drive, &detector.detect(drive), ENTRY_S, EXIT_S);
-    let cold = forward::run(&part, &stands(&part), known, &start)?;
-    let before = whole.fixes.iter().filter(|f| f.t_s <= given.t_s + 1e-6);
-    part.fixes = before.copied().chain(part.fixes).collect();
-    let standing = stands(&part);
-    let mut start = Start::at_first_course(&part, &standing)?;
+    let cold = forward::run(&cold, &standing(&cold), known, &start)?;
     // As the program: the bias of an earlier stop.
-    let bias_sd = known.rate_drift * EARLIER_S.sqrt();
-    start.rate_bias = start.rate_bias.or(Some((city.earlier_bias, bias_sd)));
-    let passed = forward::run(&part, &standing, known, &start)?;
-    let smoothed = smooth(&passed);
-    let most = |list: &[(Vector2<f64>, Estimate)]| list.iter().fold(0.0, |m, e| e.0.norm().max(m));
-    let running = window.seconds(&passed.estimates, passed.first);
-    let holds = running.iter().filter(|(d, e)| e.holds(d, 0.95));
+    let bias = (city.earlier_bias, known.rate_drift * EARLIER_S.sqrt());
+    let passed = ours(&part, known, Some(bias))?;
+    let running = window.seconds(&passed.estimates);
+    let holds = running.iter().filter(|s| s.inside);
     Ok(Outcome {
-        experiment: window.experiment,
+        experiment: window.trial.experiment,
         published_m,
-        cold_m: most(&window.seconds(&cold.estimates, cold.first)),
+        cold_m: most(&window.seconds(&cold.estimates)),
         ours_m: most(&running),
-        smoothed_m: most(&window.seconds(&smoothed, passed.first)),
+        smoothed_m: most(&window.seconds(&smooth(&passed))),
         inside: [running.len(), holds.count()],
     })
-}
-
-fn full_second(k: usize, first: usize) -> bool {
-    k > first && (k - first).is_multiple_of(IMU_HZ)
 }

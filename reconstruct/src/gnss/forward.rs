@@ -4,10 +4,11 @@
 //! anchor is moved to the car and the axes turn to it, so that Earth rate, transport rate and Coriolis are exact. Satellite
 //! errors change slowly; each fix counts as the share of an independent fact that its distance from the last one gives.
 
+mod estimate;
 mod fix;
 mod start;
 
-use nalgebra::{SMatrix, Vector2, Vector3};
+use nalgebra::Vector3;
 
 use super::drive::{Drive, Period, ReckonError};
 use super::sheet::Sheet;
@@ -19,8 +20,9 @@ use crate::refined::running::Running;
 use crate::refined::states::{BG, Nominal, PARAMS, Row, SLIP, SLIP_GRADIENT};
 use crate::refined::tape::{Step, Tape};
 use crate::refined::transition::{Density, Transition};
-use crate::stats::ellipse_radius;
 use crate::wgs84::Geodetic;
+pub(super) use estimate::estimate;
+pub use estimate::{Estimate, Fate, FixUse};
 pub use start::Start;
 use start::prior;
 
@@ -38,49 +40,6 @@ const LEVEL_SD: f64 = 0.02;
 /// A car that the state says is faster than this beside its spread does not stand, m/s.
 const STAND_SPEED: f64 = 1.0;
 
-/// The state at the end of one period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// s.
-    pub t_s: f64,
-    /// Place of the sensor.
-    pub place: Geodetic,
-    /// Velocity north, east, down, m/s.
-    pub v_n: Vector3<f64>,
-    /// Roll, pitch, heading, rad.
-    pub angles: [f64; 3],
-    /// Covariance of place, velocity and platform angles in the axes here.
-    pub p: SMatrix<f64, STATES, STATES>,
-    /// The car was taken to stand.
-    pub standing: bool,
-    /// A fix was used here.
-    pub fixed: bool,
-}
-
-impl Estimate {
-    /// True if a place `d` metres north and east of the estimate's lies in its ellipse of `confidence`.
-    #[must_use]
-    pub fn holds(&self, d: &Vector2<f64>, confidence: f64) -> bool {
-        let p = self.p.fixed_view::<2, 2>(POS, POS).into_owned();
-        p.try_inverse().is_some_and(|inverse| {
-            (d.transpose() * inverse * d)[0] < ellipse_radius(confidence).powi(2)
-        })
-    }
-}
-
-/// What became of the fixes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FixUse {
-    /// Fixes within the drive.
-    pub offered: u64,
-    /// Positions used.
-    pub used: u64,
-    /// Positions refused by their innovation.
-    pub refused: u64,
-    /// Positions taken in with wide noise after refusals in a row.
-    pub forced: u64,
-}
-
 /// A finished pass.
 #[derive(Clone, Debug)]
 pub struct Passed {
@@ -94,6 +53,8 @@ pub struct Passed {
     pub estimates: Vec<Estimate>,
     /// Fixes.
     pub fixes: FixUse,
+    /// What became of each fix of the pass: the instant it was true, s, in order of time.
+    pub fates: Vec<(f64, Fate)>,
     /// Mounting roll, one sigma, rad.
     pub mounting_roll: f64,
 }
@@ -111,6 +72,7 @@ struct Runner<'a> {
     since_stand_s: f64,
     stood_s: f64,
     use_of: FixUse,
+    fates: Vec<(f64, Fate)>,
     /// What a turn of everything about the vertical since the last fix is, as the pass carried it: see [`Runner::bind`].
     turned: Row,
     /// Variance of the place north, east, down that the last fix left out of the covariance, m^2: the mean of a few fixes is
@@ -176,6 +138,7 @@ pub fn run(
             &runner.anchor,
             &runner.run.nominal,
             &runner.run.p.fixed_view::<STATES, STATES>(0, 0).into_owned(),
+            [0, 1, 2].map(|i| runner.run.p[(BG + i, BG + i)]),
             sheet.mounting[0],
         ));
         if let Some(last) = estimates.last_mut() {
@@ -204,32 +167,9 @@ pub fn run(
         anchors,
         estimates,
         fixes: runner.use_of,
+        fates: runner.fates,
         mounting_roll: sheet.mounting[0],
     })
-}
-
-/// The state in geodetic terms; `mounting_roll`, rad, is added to what is unsure of the car's roll.
-pub(super) fn estimate(
-    t_s: f64,
-    anchor: &Geodetic,
-    nominal: &Nominal,
-    p: &SMatrix<f64, STATES, STATES>,
-    mounting_roll: f64,
-) -> Estimate {
-    let (roll, pitch, heading) = nominal.nav.c_nb.euler();
-    let ahead = nominal.nav.c_nb.m.column(0);
-    let mut p = *p;
-    let mut tilt = p.fixed_view_mut::<3, 3>(ATT, ATT);
-    tilt += ahead * ahead.transpose() * mounting_roll.powi(2);
-    Estimate {
-        t_s,
-        place: anchor.moved(&nominal.nav.r_n.v),
-        v_n: nominal.nav.v_n.v,
-        angles: [roll, pitch, heading.rem_euclid(std::f64::consts::TAU)],
-        p,
-        standing: false,
-        fixed: false,
-    }
 }
 
 impl<'a> Runner<'a> {
@@ -261,6 +201,7 @@ impl<'a> Runner<'a> {
             since_stand_s: 0.0,
             stood_s: 0.0,
             use_of: FixUse::default(),
+            fates: Vec::new(),
             turned: turn_of(&nominal),
             unseen: Vector3::zeros(),
         }

@@ -3,8 +3,10 @@
 use nalgebra::Vector3;
 
 use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
+use super::forward::Estimate;
+use super::published::matrices::BIAS;
 use super::published::sensor::{Orientation, to_body};
-use super::published::{GnssFix, ImuSample, Input};
+use super::published::{GnssFix, ImuSample, Input, Step, Used};
 use super::read::without_repeats;
 use super::rows::{Fix, Head, Leg, MILLI_G, Motion};
 use super::sheet::Sheet;
@@ -151,6 +153,57 @@ pub fn published(motions: &[Motion], axes: &Axes, rows: &[Fix]) -> Input {
             })
             .collect(),
     }
+}
+
+/// Steps of the published filter as estimates, at the instants they tell of, s; variances are those of its own axes.
+#[must_use]
+pub fn track(steps: &[Step], latency_s: f64) -> Vec<Estimate> {
+    let of = |step: &Step| {
+        let place = Geodetic {
+            latitude: step.lat,
+            longitude: step.lon,
+            height: step.height,
+        };
+        let to_local = place.c_en().transpose();
+        let mut p = nalgebra::SMatrix::<f64, 9, 9>::zeros();
+        for i in 0..9 {
+            p[(i, i)] = step.variances[i];
+        }
+        let angles = step.angles();
+        let of_bias = |i: usize| step.variances[BIAS + i].max(0.0).sqrt();
+        Estimate {
+            t_s: step.t_s - latency_s,
+            place,
+            v_n: to_local * step.velocity(),
+            angles: [
+                angles.x,
+                angles.y,
+                angles.z.rem_euclid(std::f64::consts::TAU),
+            ],
+            p,
+            rate_bias: step.bias(),
+            rate_bias_sd: Vector3::from_fn(|i, _| of_bias(i)),
+            standing: step.used == Used::Stop,
+            fixed: step.used == Used::Gnss,
+        }
+    };
+    steps.iter().map(of).collect()
+}
+
+/// The speed when each fix was true, to half a second; NaN, which the published filter leaves out, where there is none.
+#[must_use]
+pub fn speed_at_fixes(fixes: &[GnssFix], speeds: &[Speed], latency_s: f64) -> Vec<f64> {
+    fixes
+        .iter()
+        .map(|fix| {
+            let t = fix.t_s - latency_s;
+            let at = speeds.partition_point(|s| s.t_s < t - 0.5);
+            speeds
+                .get(at)
+                .filter(|s| (s.t_s - t).abs() <= 0.5)
+                .map_or(f64::NAN, |s| s.speed)
+        })
+        .collect()
 }
 
 /// First moment of a simulated log, ms since 1970: the day of the source's first drive, ten o'clock.

@@ -17,6 +17,8 @@
 //! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
 //! 9. [`logs`]: rows to either filter, and a simulated drive to rows.
 //! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
+//! 11. [`reference`]: how far a track is from a reference receiver, [`stands`]: how often a stop detector is wrong.
+//! 12. [`trial`]: fixes withheld as in S00; [`experiments`] on simulated drives, [`outages`] on logs; [`pictures`] of all.
 
 mod columns;
 pub mod drive;
@@ -28,13 +30,18 @@ pub mod layout;
 mod lines;
 pub mod logs;
 pub mod notes;
+pub mod outages;
+pub mod pictures;
 pub mod published;
 pub mod read;
+pub mod reference;
 pub mod rows;
 pub mod sheet;
 pub mod smooth;
+pub mod stands;
 pub mod stop;
 pub mod time;
+pub mod trial;
 pub mod write;
 
 pub use error::GnssError;

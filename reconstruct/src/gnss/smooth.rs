@@ -2,6 +2,7 @@
 
 use super::forward::{Estimate, Passed, estimate};
 use crate::error_model::STATES;
+use crate::refined::states::{BG, Row};
 use crate::smooth::rts::Adjoint;
 
 /// The smoothed states, in order of time, one each period of the pass.
@@ -14,6 +15,11 @@ pub fn smooth(passed: &Passed) -> Vec<Estimate> {
         let step = &tape.steps[i];
         let nominal = adjoint.nominal(&step.nominal, &step.p);
         let p = adjoint.covariance::<STATES>(&step.p);
+        let bias = [0, 1, 2].map(|axis| {
+            let mut row = Row::zeros();
+            row[BG + axis] = 1.0;
+            adjoint.variance(&step.p, &row)
+        });
         let filtered = &passed.estimates[i];
         out[i] = Estimate {
             standing: filtered.standing,
@@ -23,6 +29,7 @@ pub fn smooth(passed: &Passed) -> Vec<Estimate> {
                 &passed.anchors[i],
                 &nominal,
                 &p,
+                bias,
                 passed.mounting_roll,
             )
         };

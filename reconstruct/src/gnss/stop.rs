@@ -111,6 +111,15 @@ fn windows(drive: &Drive, seconds: f64) -> Vec<Sums> {
     out
 }
 
+/// Sample variances of specific force, (m/s^2)^2, and rate, (rad/s)^2, per axis over the seconds that end with each period.
+#[must_use]
+pub fn variances(drive: &Drive, seconds: f64) -> Vec<[Vector3<f64>; 2]> {
+    windows(drive, seconds)
+        .iter()
+        .map(Sums::variances)
+        .collect()
+}
+
 /// The test of [S00, 3.5] at each period: variances of x and y over the last 51 samples together below [`PUBLISHED`].
 #[must_use]
 pub fn published(drive: &Drive) -> Vec<bool> {

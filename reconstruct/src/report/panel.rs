@@ -65,7 +65,31 @@ impl Panel<'_> {
 
     /// Background, shaded stretches and grid; to be followed by [`Self::series`] and [`Self::finish`].
     pub fn start(&self, svg: &mut Svg, shaded: &[[f64; 2]]) {
-        let (a, time, value) = (self.area, self.time(), self.value());
+        self.start_bare(svg, shaded);
+        let (a, value) = (self.area, self.value());
+        let (ticks, step) = value.ticks((a.h / (self.size * 1.7)).max(2.0));
+        for v in ticks {
+            let y = value.at(v);
+            let style = if v.abs() < 1e-9 {
+                "stroke=\"#777\" stroke-width=\"1\""
+            } else {
+                "stroke=\"#dedede\" stroke-width=\"1\""
+            };
+            svg.line([a.x, y], [a.x + a.w, y], style);
+            let text = signed(v, step_decimals(step));
+            svg.text(
+                [a.x - 6.0, y + self.size * 0.33],
+                self.size * 0.92,
+                Anchor::End,
+                "fill=\"#333\"",
+                &text,
+            );
+        }
+    }
+
+    /// The same without the grid of values.
+    pub fn start_bare(&self, svg: &mut Svg, shaded: &[[f64; 2]]) {
+        let (a, time) = (self.area, self.time());
         svg.text(
             [a.x, a.y - 7.0],
             self.size,
@@ -116,24 +140,6 @@ impl Panel<'_> {
         if let Some(label) = self.time_label {
             let at = [a.x + 0.5 * a.w, a.y + a.h + self.size * 2.4];
             svg.text(at, self.size * 0.92, Anchor::Middle, "fill=\"#333\"", label);
-        }
-        let (ticks, step) = value.ticks((a.h / (self.size * 1.7)).max(2.0));
-        for v in ticks {
-            let y = value.at(v);
-            let style = if v.abs() < 1e-9 {
-                "stroke=\"#777\" stroke-width=\"1\""
-            } else {
-                "stroke=\"#dedede\" stroke-width=\"1\""
-            };
-            svg.line([a.x, y], [a.x + a.w, y], style);
-            let text = signed(v, step_decimals(step));
-            svg.text(
-                [a.x - 6.0, y + self.size * 0.33],
-                self.size * 0.92,
-                Anchor::End,
-                "fill=\"#333\"",
-                &text,
-            );
         }
     }
 

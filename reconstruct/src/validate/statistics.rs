@@ -75,6 +75,41 @@ impl Share {
     }
 }
 
+/// A count of rare events with the exact interval of a Poisson mean (Garwood 1936): the means under which so few, or so many,
+/// have a probability of 2.5 %.
+#[must_use]
+pub fn poisson(count: usize) -> Estimate {
+    let tail = 0.5 * (1.0 - INTERVAL);
+    // Probability of `most` events or fewer under a mean.
+    let below = |most: usize, mean: f64| {
+        let mut term = -mean;
+        let mut sum = term.exp();
+        for k in 1..=most {
+            term += (mean / real(k)).ln();
+            sum += term.exp();
+        }
+        sum
+    };
+    let solve = |most: usize, wanted: f64| {
+        let n = real(count);
+        let (mut low, mut high) = (0.0, n + 10.0 * n.sqrt() + 10.0);
+        for _ in 0..60 {
+            let middle = f64::midpoint(low, high);
+            if below(most, middle) > wanted {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    };
+    Estimate {
+        value: real(count),
+        low: count.checked_sub(1).map_or(0.0, |n| solve(n, 1.0 - tail)),
+        high: solve(count, tail),
+    }
+}
+
 /// Quantile `part` (0 to 1) of sorted values, linear between the order statistics (type 7 of Hyndman and Fan); NaN of
 /// no values.
 #[must_use]
@@ -149,6 +184,24 @@ pub fn sorted(values: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::{Share, mean, quantile, quantile_estimate, rms, sorted};
+
+    #[test]
+    fn poisson_intervals_are_those_of_the_tables() {
+        // Garwood's table: 0, 1, 5 and 13 events.
+        for (n, low, high) in [
+            (0, 0.0, 3.689),
+            (1, 0.0253, 5.572),
+            (5, 1.623, 11.668),
+            (13, 6.922, 22.230),
+        ] {
+            let e = super::poisson(n);
+            assert!(
+                (e.low - low).abs() < 1e-3 && (e.high - high).abs() < 1e-3,
+                "{e:?}"
+            );
+        }
+        assert!(super::poisson(3000).low > 2890.0);
+    }
 
     #[test]
     fn wilson_meets_the_published_example() {

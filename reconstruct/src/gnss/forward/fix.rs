@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{GATE, Runner, turn_of};
+use super::{Fate, GATE, Runner, turn_of};
 use crate::error_model::{ATT, POS, VEL};
 use crate::frame::skew;
 use crate::gnss::drive::Fixed;
@@ -53,10 +53,13 @@ impl Runner<'_> {
         if worst > GATE && !forced {
             self.refused += 1;
             self.use_of.refused += 1;
+            self.fates.push((fix.t_s, Fate::Refused));
         } else {
             self.refused = 0;
             self.use_of.forced += u64::from(forced);
             self.use_of.used += u64::from(!forced);
+            let fate = if forced { Fate::Forced } else { Fate::Used };
+            self.fates.push((fix.t_s, fate));
             for axis in 0..3 {
                 let mut z = row(&self.run, axis, variance(axis) * self.inflate);
                 if forced {
