@@ -11,12 +11,15 @@ use reconstruct::gnss::published::SLIPS;
 use reconstruct::gnss::published::sensor::Orientation;
 use reconstruct::gnss::write::{write_fixes, write_motions};
 use reconstruct::simulate::city::{self, BoxSheet};
+use reconstruct::simulate::tumble::{self, TumbleSheet};
 use reconstruct::validate::workers;
 use schema::num::real;
 use serde_json::json;
 
 use crate::cli::validate::{Seeds, seeds};
-use crate::cli::{CliError, SOUND, complain, gnss_run, print, print_json, write_file};
+use crate::cli::{
+    CliError, SOUND, complain, gnss_analyse, gnss_run, print, print_json, write_file,
+};
 
 /// Arguments of `gnss`.
 #[derive(Debug, clap::Args)]
@@ -29,6 +32,8 @@ pub(crate) struct Args {
 enum Command {
     /// Reckon a drive from a log of fixes and one of inertial samples: track.csv and summary.json
     Run(Box<gnss_run::Args>),
+    /// What the logs tell of receiver and sensors: deviation from a reference, noise, bias, scale, wraps, Allan deviation
+    Analyse(Box<gnss_analyse::Args>),
     /// Make both logs, and those of a reference receiver, of a town drive with known truth
     Simulate(SimulateArgs),
     /// The experiments of S00 on simulated drives: its filter and ours
@@ -65,6 +70,9 @@ struct SimulateArgs {
     /// Axes of the inertial sensors
     #[arg(long, value_enum, default_value = "tag")]
     axes: SensorAxes,
+    /// Instead of a drive, a log of motions of a box laid on each of its six sides, then askew, and its hidden scales and biases
+    #[arg(long)]
+    six_positions: bool,
     /// Folder for the logs; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -88,6 +96,8 @@ pub(crate) fn failed(error: &dyn std::fmt::Display) -> CliError {
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     match &args.command {
         Command::Run(args) => gnss_run::run(args),
+        Command::Analyse(args) => gnss_analyse::run(args),
+        Command::Simulate(args) if args.six_positions => six_positions(args),
         Command::Simulate(args) => simulate(args),
         Command::Experiments(args) => experiment(args),
         Command::Slips => slips(),
@@ -112,6 +122,34 @@ fn simulate(args: &SimulateArgs) -> Result<u8, CliError> {
     write_motions(&mut bytes, "motions", &motions, layout).map_err(|e| failed(&e))?;
     write_file(&path, &bytes)?;
     print(&format!("{}\n", path.display()))?;
+    Ok(SOUND)
+}
+
+fn six_positions(args: &SimulateArgs) -> Result<u8, CliError> {
+    let sheet = TumbleSheet {
+        askew: 9,
+        ..TumbleSheet::default()
+    };
+    let tumble = tumble::tumble(args.seed, &sheet);
+    let rows = logs::positions(&tumble);
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
+    let mut bytes = Vec::new();
+    write_motions(&mut bytes, "motions", &rows, Layout::default()).map_err(|e| failed(&e))?;
+    let truth = json!({
+        "latitude_deg": sheet.latitude.to_degrees(), "scale": tumble.scale, "bias_mps2": tumble.bias,
+        "misalignment_rad": tumble.misalignment, "rate_bias_radps": tumble.rate_bias,
+    });
+    for (name, bytes) in [
+        (format!("positions-{}.txt", args.seed), bytes),
+        (
+            format!("positions-{}.truth.json", args.seed),
+            format!("{truth:#}\n").into_bytes(),
+        ),
+    ] {
+        let path = args.out.join(name);
+        write_file(&path, &bytes)?;
+        print(&format!("{}\n", path.display()))?;
+    }
     Ok(SOUND)
 }
 

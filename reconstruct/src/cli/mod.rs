@@ -13,6 +13,7 @@ mod design;
 mod export;
 mod fetch;
 mod gnss;
+mod gnss_analyse;
 mod gnss_run;
 mod inspect;
 mod load;

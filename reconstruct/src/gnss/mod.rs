@@ -17,7 +17,9 @@
 //! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
 //! 9. [`logs`]: rows to either filter, and a simulated drive to rows.
 //! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
+//! 11. [`analyse`]: what the logs tell of receiver and sensors, chapter 4 of S00 for any log.
 
+pub mod analyse;
 mod columns;
 pub mod drive;
 pub mod error;
