@@ -216,11 +216,11 @@ fn slope(points: &[Point], i: usize) -> Option<(f64, f64)> {
     Some((slope, se))
 }
 
-/// Longest run of octaves whose slope is `wanted` within 0.1 or two standard errors, the error at most 0.3: first and last point.
+/// Longest run of octaves whose slope is `wanted` within 0.05 or two standard errors, the error at most 0.3: first and last point.
 fn run_of(points: &[Point], wanted: f64, from: usize) -> Option<[usize; 2]> {
     let fits = |i: usize| {
         slope(points, i)
-            .is_some_and(|(s, se)| se < 0.3 && (s - wanted).abs() < 0.1_f64.max(2.0 * se))
+            .is_some_and(|(s, se)| se < 0.3 && (s - wanted).abs() < 0.05_f64.max(2.0 * se))
     };
     let mut best: Option<[usize; 2]> = None;
     let mut i = from;
@@ -312,10 +312,12 @@ fn walk(
     let Some([from, to]) = run_of(points, 0.5, start) else {
         return Err(none());
     };
+    // What is left once the white part is off is less sure by as much as it is less.
     let inside: Vec<(f64, f64)> = points[from..=to]
         .iter()
-        .map(|p| (p.deviation.powi(2) - noise / p.tau_s, p.tau_s, p.dof))
-        .map(|(rest, tau, dof)| (3.0 * rest / tau, dof))
+        .map(|p| (p.deviation.powi(2), p))
+        .map(|(all, p)| ((all - noise / p.tau_s).max(0.0), all, p))
+        .map(|(rest, all, p)| (3.0 * rest / p.tau_s, p.dof * (rest / all).powi(2)))
         .collect();
     pooled(&inside).ok_or_else(none)
 }

@@ -5,7 +5,8 @@
 //! them, and the interval is Student's with one degree of freedom less than there are batches. Where the plain estimate
 //! `s^2 tau / n` is larger, it is taken. A series shorter than 20 `tau` has batches shorter than that: it says so
 //! ([`Figure::short`]). The effective number of samples is the variance over the squared standard error, at most the number
-//! counted. Root mean squares and standard deviations take the interval of the mean square; quantiles that of the share of
+//! counted. Mean absolute values, root mean squares and standard deviations take theirs on a logarithmic scale, the last two that of the mean
+//! square; quantiles that of the share of
 //! samples below them.
 
 use schema::num::{real, round_usize};
@@ -53,18 +54,30 @@ impl Figure {
         self
     }
 
-    /// The root of a mean square.
-    fn root(mut self) -> Self {
-        let value = self.value.max(0.0).sqrt();
-        self.se = if value > 0.0 {
-            0.5 * self.se / value
-        } else {
-            self.se.sqrt()
-        };
-        self.value = value;
-        self.low = self.low.max(0.0).sqrt();
-        self.high = self.high.max(0.0).sqrt();
+    /// The interval of a figure that cannot be negative: as far by its logarithm as the plain one to first order.
+    #[must_use]
+    pub fn positive(mut self) -> Self {
+        if self.value > 0.0 && self.se > 0.0 {
+            let factor = ((self.high - self.value) / self.value).exp();
+            self.low = self.value / factor;
+            self.high = self.value * factor;
+        }
         self
+    }
+
+    /// The root of a mean square.
+    fn root(self) -> Self {
+        let mut out = self.positive();
+        let value = out.value.max(0.0).sqrt();
+        out.se = if value > 0.0 {
+            0.5 * out.se / value
+        } else {
+            out.se.sqrt()
+        };
+        out.value = value;
+        out.low = out.low.max(0.0).sqrt();
+        out.high = out.high.max(0.0).sqrt();
+        out
     }
 }
 
@@ -156,7 +169,7 @@ pub fn mean(x: &[f64]) -> Option<Figure> {
 /// Mean of the absolute values.
 #[must_use]
 pub fn mean_abs(x: &[f64]) -> Option<Figure> {
-    mean(&x.iter().map(|v| v.abs()).collect::<Vec<f64>>())
+    mean(&x.iter().map(|v| v.abs()).collect::<Vec<f64>>()).map(Figure::positive)
 }
 
 /// Root mean square.

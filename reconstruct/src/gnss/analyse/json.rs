@@ -166,7 +166,7 @@ fn positions(a: &Analysis) -> Value {
         json!({
             "gravity": t.gravity[0], "gravity_sd": t.gravity[1], "gravity_from": t.gravity_from,
             "readings": t.positions.iter().zip(p).map(|(own, source)| json!({
-                "position": own.name, "spans": own.spans,
+                "position": own.name, "spans": own.spans, "off_axis_rad": n(own.off),
                 "reading": own.reading.as_ref().map(figure), "source": source,
             })).collect::<Vec<_>>(),
             "calibration": told(&t.calibration, |c| json!({

@@ -6,7 +6,8 @@
 //! may exceed it by more than a tenth, for a two's complement output cannot. A wrap into and one out of an excursion belong
 //! together; the unwrapped value is unambiguous if both are seen in one stretch without a gap.
 //!
-//! **Saturation.** Three equal values or more in a row, or two and more pairs, at the largest or the smallest value of the axis, where
+//! **Saturation.** Three equal values or more in a row, two and more pairs, or a heap of values four
+//! times that at any step next inside, at the largest or the smallest value of the axis, where
 //! the steps of the output are small against its noise and the value stands far outside the bulk. An axis that never changes is said to be dead.
 
 use schema::num::real;
@@ -33,6 +34,8 @@ const ALIKE: f64 = 0.7;
 const BEYOND: f64 = 1.1;
 /// Longest excursion that a wrap explains, s.
 const LONGEST_S: f64 = 20.0;
+/// So many values at the limit, and so many times what lies at a step next to it, are a heap.
+const PILE: [usize; 2] = [5, 4];
 /// Samples at each side that must be smooth.
 const SIDE: usize = 3;
 
@@ -288,22 +291,24 @@ fn saturated(spans: &Spans, axis: usize, values: &[f64], usual: f64) -> Vec<Even
     let mut found = Vec::new();
     for limit in [most, least] {
         let far = (limit - middle).abs();
-        if far < 3.0 * bulk || far < 30.0 * quantum || usual < 3.0 * quantum {
+        if far < 2.0 * bulk || far < 10.0 * quantum || usual < 3.0 * quantum {
             continue;
         }
         let runs = runs_at(spans, axis, limit, 0.25 * quantum);
         let long = runs.iter().filter(|r| r.1.len() >= 3).count();
         let pairs = runs.iter().filter(|r| r.1.len() >= 2).count();
-        if long == 0 && pairs < 2 {
+        let held: usize = runs.iter().map(|r| r.1.len()).sum();
+        let piled = held >= PILE[0] && held > PILE[1] * crowd(&order, limit, quantum);
+        if long == 0 && pairs < 2 && !piled {
             continue;
         }
-        let held: usize = runs.iter().map(|r| r.1.len()).sum();
+        let least = if piled { 1 } else { 2 };
         let confidence = match (held, long) {
-            (6.., 1..) => Confidence::High,
+            (6.., 1..) | (20.., _) => Confidence::High,
             (4.., _) => Confidence::Medium,
             _ => Confidence::Low,
         };
-        for (stretch, run) in runs.into_iter().filter(|r| r.1.len() >= 2) {
+        for (stretch, run) in runs.into_iter().filter(|r| r.1.len() >= least) {
             let Some(stretch) = spans.stretches.get(stretch) else {
                 continue;
             };
@@ -311,6 +316,21 @@ fn saturated(spans: &Spans, axis: usize, values: &[f64], usual: f64) -> Vec<Even
         }
     }
     found
+}
+
+/// Most values at any of the five steps of the output next inside `limit`, at least one; `order` is sorted.
+fn crowd(order: &[f64], limit: f64, quantum: f64) -> usize {
+    let inward = if order.last().is_some_and(|m| *m <= limit) {
+        -quantum
+    } else {
+        quantum
+    };
+    let at = |k: u8| {
+        let centre = limit + inward * f64::from(k);
+        let end = |x: f64| order.partition_point(|v| *v < x);
+        end(centre + 0.5 * quantum) - end(centre - 0.5 * quantum)
+    };
+    (1..=5).map(at).max().unwrap_or(0).max(1)
 }
 
 /// Runs of samples at `limit`.

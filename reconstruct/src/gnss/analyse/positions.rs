@@ -1,7 +1,7 @@
 //! The accelerometer in six positions [S00, table 4.7]: still spans with gravity along each axis, both ways, and from all still
 //! spans scale, bias and cross-axis misalignment.
 //!
-//! The means of a position are of the axis that gravity lies along, to 15 degrees. Scale and bias come from every still span: the reading `m` is
+//! The mean of a position is that of the axis that gravity lies along, to 15 degrees, over the spans that lie best. Scale and bias come from every still span: the reading `m` is
 //! `force = K (m - b)`, and the force's size is gravity's, whichever way the box lies, so a table that is not level does not
 //! matter. `K` is diagonal (the inverse scales) with six spans, upper triangular (the misalignment too) where the spans lie askew
 //! enough to tell it to 0.02 rad. Least squares by Gauss and Newton, weighted with the standard errors of the means; where more spans than
@@ -15,8 +15,10 @@ use super::distribution::student_half;
 use super::spans::Spans;
 use crate::mechanize::{MEAN_GRAVITY, gravity};
 
-/// Largest angle between gravity and the axis of a position, cosine of 15 degrees.
-const ALONG: f64 = 0.965_925_8;
+/// Largest angle between gravity and the axis of a position, rad, 15 degrees.
+const ALONG: f64 = 0.261_799;
+/// Spans further off than the best of their position and this, rad, are others, laid askew.
+const ALIKE: f64 = 0.02;
 /// What gravity differs from the formula's by at most, one sigma, m/s^2: height and anomaly; and where no latitude is known.
 const GRAVITY_SD: [f64; 2] = [5e-4, 0.015];
 /// Misalignment told to this, rad, is worth telling.
@@ -42,6 +44,8 @@ pub struct Position {
     pub sign: f64,
     /// Still spans.
     pub spans: usize,
+    /// Largest angle between gravity and the axis, as read, rad.
+    pub off: f64,
     /// Mean reading of the axis, m/s^2; `None`: the log has no such position.
     pub reading: Option<Figure>,
 }
@@ -119,23 +123,28 @@ pub fn table(spans: &Spans, latitude: Option<f64>) -> Table {
         })
         .filter(|r| r.iter().all(|f| f.se.is_finite() && f.se > 0.0))
         .collect();
-    let along = |r: &[Figure; 3], axis: usize, sign: f64| {
+    // Angle between gravity and the axis, rad; the biases of all axes are in it.
+    let off = |r: &[Figure; 3], axis: usize, sign: f64| {
         let v = Vector3::from(r.each_ref().map(|f| f.value));
-        v[axis] * sign >= ALONG * v.norm()
+        (v[axis] * sign / v.norm()).clamp(-1.0, 1.0).acos()
     };
     let positions: Vec<Position> = POSITIONS
         .into_iter()
         .map(|(name, axis, sign)| {
+            let angles = || readings.iter().map(|r| off(r, axis, sign));
+            let bound = (angles().fold(ALONG, f64::min) + ALIKE).min(ALONG);
             let own: Vec<Figure> = readings
                 .iter()
-                .filter(|r| along(r, axis, sign))
+                .filter(|r| off(r, axis, sign) < bound)
                 .map(|r| r[axis])
                 .collect();
+            let off = angles().filter(|a| *a < bound).fold(0.0, f64::max);
             Position {
                 name,
                 axis,
                 sign,
                 spans: own.len(),
+                off,
                 reading: together(&own),
             }
         })

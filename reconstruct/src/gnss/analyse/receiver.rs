@@ -258,6 +258,7 @@ fn honesty(squares: &[f64], axes: f64) -> Result<Honesty, String> {
         both.ok_or("cannot tell: the log states no sigma (columns 20 to 24)")?;
     inside.low = inside.low.max(0.0);
     inside.high = inside.high.min(1.0);
+    let nees = nees.positive();
     Ok(Honesty { nees, inside })
 }
 

@@ -20,8 +20,9 @@ const HOLE_PERIODS: f64 = 1.6;
 const BRIDGED_S: f64 = 5.0;
 /// Shortest stand looked at, s.
 pub const SHORTEST_S: f64 = 2.0;
-/// Taken off a stand at begin and end, s, of the detector's window of a second.
-const TRIMMED_S: [f64; 2] = [0.5, 1.0];
+/// A stand begins so long before the detector notices it (it has heard a second by then, and the springs still settle), and ends so long
+/// before it notices the end, s.
+const TRIMMED_S: [f64; 2] = [-0.5, 1.0];
 /// Ratio of the vibration's variances that makes two kinds of stands; of S00 it is 29 [S00, table 4.5].
 pub const APART: f64 = 6.0;
 /// Stands whose specific forces lie this far apart in direction, rad, are not those of a car.

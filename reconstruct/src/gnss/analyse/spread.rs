@@ -17,7 +17,7 @@ use crate::gnss::rows::Leg;
 
 /// Length of a window, s.
 pub const WINDOW_S: f64 = 4.0;
-/// A window whose mean rate of turn is less than this drives straight ahead, rad/s.
+/// A window whose mean rate of turn is less than this in each of its quarters drives straight ahead, rad/s.
 const STRAIGHT: f64 = 0.02;
 /// Windows from which their scatter tells.
 const SCATTERED: usize = 8;
@@ -124,8 +124,11 @@ pub fn spreads(spans: &Spans) -> Vec<Spread> {
         {
             for window in run.chunks_exact(length).filter(|w| w[0].driving) {
                 windows.push((Situation::Driving, window));
-                let rate = window.iter().map(|s| s.turn - turn).sum::<f64>() / real(length);
-                if rate.abs() < STRAIGHT {
+                let mean = |part: &[Sample]| {
+                    part.iter().map(|s| s.turn - turn).sum::<f64>() / real(part.len())
+                };
+                let quarter = (length / 4).max(1);
+                if window.chunks(quarter).all(|p| mean(p).abs() < STRAIGHT) {
                     windows.push((Situation::Straight, window));
                 }
             }

@@ -109,8 +109,8 @@ pub fn sections(a: &Analysis) -> Vec<Section> {
         super::sensor_tables::variances(a),
         super::sensor_tables::biases(a),
         super::sensor_tables::positions(a),
-        super::sensor_tables::limits(a),
-        super::sensor_tables::allan(a),
+        super::range_tables::limits(a),
+        super::range_tables::allan(a),
     ]
 }
 
@@ -168,7 +168,7 @@ fn one(out: &mut Section, r: &Receiver) {
         "largest",
         "fixes (worth)",
     ];
-    let mut full = |title: String, summary: &Summary| {
+    let mut full = |title: String, summary: &Summary, last: bool| {
         let mut grid = Grid::new(title, &head);
         for ((quantity, unit), f) in QUANTITIES.iter().zip(&summary.quantities) {
             grid.row(quantity_row(&format!("{quantity}, {unit}"), f.as_ref()));
@@ -181,16 +181,20 @@ fn one(out: &mut Section, r: &Receiver) {
                 grid.row(row);
             }
         }
-        if summary.quantities.iter().flatten().any(|f| f.bias.short) {
+        if last && summary.quantities.iter().flatten().any(|f| f.bias.short) {
             out.words.push(format!(
                 "{name}: the deviations stay alike for so long that the log has few independent ones; the intervals marked (short) may be too narrow."
             ));
         }
         out.grids.push(grid);
     };
-    full(format!("{name}, as stamped"), &r.stamped);
+    full(
+        format!("{name}, as stamped"),
+        &r.stamped,
+        r.shifted.is_none(),
+    );
     if let Some(shifted) = &r.shifted {
-        full(format!("{name}, the delay taken off"), shifted);
+        full(format!("{name}, the delay taken off"), shifted, true);
     }
     for (what, honesty) in ["horizontal", "vertical"].into_iter().zip(&r.honesty) {
         out.words.push(match honesty {
