@@ -6,8 +6,8 @@
 //! may exceed it by more than a tenth, for a two's complement output cannot. A wrap into and one out of an excursion belong
 //! together; the unwrapped value is unambiguous if both are seen in one stretch without a gap.
 //!
-//! **Saturation.** Three equal values or more in a row, two and more pairs, or a heap of values four
-//! times that at any step next inside, at the largest or the smallest value of the axis, where
+//! **Saturation.** Three equal values or more in a row, two and more pairs, or a heap of values twice
+//! that at any step next inside, at the largest or the smallest value of the axis, where
 //! the steps of the output are small against its noise and the value stands far outside the bulk. An axis that never changes is said to be dead.
 
 use schema::num::real;
@@ -35,7 +35,7 @@ const BEYOND: f64 = 1.1;
 /// Longest excursion that a wrap explains, s.
 const LONGEST_S: f64 = 20.0;
 /// So many values at the limit, and so many times what lies at a step next to it, are a heap.
-const PILE: [usize; 2] = [5, 4];
+const PILE: [usize; 2] = [5, 2];
 /// Samples at each side that must be smooth.
 const SIDE: usize = 3;
 

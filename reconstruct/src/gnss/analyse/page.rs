@@ -48,9 +48,9 @@ pub fn html(
             .iter()
             .filter(|p| section.pictures.contains(&p.name))
         {
-            let _ = write!(
+            let _ = writeln!(
                 out,
-                "<figure>{}<figcaption>{}</figcaption></figure>\n",
+                "<figure>{}<figcaption>{}</figcaption></figure>",
                 picture.svg,
                 escape(&picture.caption)
             );

@@ -2,7 +2,7 @@
 
 use super::positions::{Calibration, Fitted, Table, from_pair};
 use super::spans::Situation;
-use super::spread::Spread;
+use super::spread::{Bias, Spread};
 use super::tables::{Grid, Section, ends, name, number, short, with_ends, with_se};
 use super::{Analysis, source};
 use crate::export::fixed::fixed;
@@ -69,7 +69,7 @@ fn variance_row(spread: &Spread, first: usize, unit: f64) -> Vec<String> {
         return vec![name, why, String::new(), String::new(), String::new()];
     };
     let own = [all[first], all[first + 1], all[first + 2]];
-    let dof = own.map(|v| fixed(v.dof, if v.dof < 10.0 { 1 } else { 0 }));
+    let dof = own.map(|v| fixed(v.dof, usize::from(v.dof < 10.0)));
     let [x, y, z] = own.map(|v| with_ends(v.value * unit, v.low * unit, v.high * unit));
     let counts = format!(
         "{}, {} ({})",
@@ -94,6 +94,23 @@ pub(super) fn biases(a: &Analysis) -> Section {
             return out;
         }
     };
+    out.grids.push(means(list));
+    let said = drifts(a);
+    if said.rows.is_empty() {
+        out.words
+            .push("Cannot tell a drift: fewer than two stands.".to_owned());
+    } else {
+        out.grids.push(said);
+        out.words.push(format!(
+            "The Earth's own turning is in these means: up to {} in 1e-3 rad/s from one heading, or side, to another.",
+            fixed(2e3 * EARTH_RATE, 2)
+        ));
+    }
+    out
+}
+
+/// The biases, S00's behind them.
+fn means(list: &[Bias]) -> Grid {
     let mut grid = Grid::new(
         "Mean rate of each stand, 1e-3 rad/s",
         &[
@@ -140,7 +157,11 @@ pub(super) fn biases(a: &Analysis) -> Section {
             String::new(),
         ]);
     }
-    out.grids.push(grid);
+    grid
+}
+
+/// The tests for drift.
+fn drifts(a: &Analysis) -> Grid {
     let mut said = Grid::new(
         "Drift between stands",
         &[
@@ -179,17 +200,7 @@ pub(super) fn biases(a: &Analysis) -> Section {
             verdict.to_owned(),
         ]);
     }
-    if said.rows.is_empty() {
-        out.words
-            .push("Cannot tell a drift: fewer than two stands.".to_owned());
-    } else {
-        out.grids.push(said);
-        out.words.push(format!(
-            "The Earth's own turning is in these means: up to {} in 1e-3 rad/s from one heading, or side, to another.",
-            fixed(2e3 * EARTH_RATE, 2)
-        ));
-    }
-    out
+    said
 }
 
 pub(super) fn positions(a: &Analysis) -> Section {

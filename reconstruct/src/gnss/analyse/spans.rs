@@ -249,12 +249,12 @@ impl Spans {
             for stand in &mut self.stands {
                 stand.situation = Situation::Rest;
             }
-            self.told_by = if turned {
+            if turned {
                 "The box was laid on different sides: a bench log, all of its stands are rest."
             } else {
                 "The box never moves: all of it is taken for rest; an engine that ran would be in it."
             }
-            .to_owned();
+            .clone_into(&mut self.told_by);
             return;
         }
         let mut levels: Vec<f64> = self.stands.iter().map(|s| s.level.max(1e-12)).collect();

@@ -235,7 +235,7 @@ fn counted(f: &Figure) -> String {
     format!(
         "{} ({}){}",
         f.count,
-        fixed(f.effective, if f.effective < 10.0 { 1 } else { 0 }),
+        fixed(f.effective, usize::from(f.effective < 10.0)),
         if f.short { " (short)" } else { "" }
     )
 }
