@@ -278,11 +278,16 @@ fn floor(
     let Some((at, least)) = least(points) else {
         return Err("cannot tell: no curve".to_owned());
     };
-    let above = white.is_none_or(|n| least.band[0] > n.value / least.tau_s.sqrt());
-    if at + 1 == points.len() || !above {
+    let most = least.band[1] / FLICKER;
+    let Some(n) = white else {
         return Err(format!(
-            "cannot tell: still white noise at {longest:.3} s, at most {:.2e}",
-            least.band[1] / FLICKER
+            "cannot tell: no white noise to set the least against, at most {most:.2e}"
+        ));
+    };
+    // The least lies at the end, or where white noise alone would have it.
+    if at + 1 == points.len() || least.band[0] <= n.value / least.tau_s.sqrt() {
+        return Err(format!(
+            "cannot tell: still falling at {longest:.3} s, at most {most:.2e}"
         ));
     }
     let [low, high] = least.band.map(|b| b / FLICKER);

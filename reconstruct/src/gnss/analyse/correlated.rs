@@ -2,8 +2,8 @@
 //!
 //! The standard error of a mean is that of batch means. The integrated autocorrelation time `tau` (Geyer's initial positive
 //! sequence, 1992) sets their length to at least 4 `tau`, so that neighbouring batches are nearly independent; there are 5 to 50 of
-//! them, and the interval is Student's with one degree of freedom less than there are batches. Where the plain estimate
-//! `s^2 tau / n` is larger, it is taken. A series shorter than 20 `tau` has batches shorter than that: it says so
+//! them, and the interval is Student's with one degree of freedom less than there are batches. Of fewer than 20 batches the plain
+//! estimate `s^2 tau / n` is taken where it is larger. A series shorter than 20 `tau` has batches shorter than that: it says so
 //! ([`Figure::short`]). The effective number of samples is the variance over the squared standard error, at most the number
 //! counted. Mean absolute values, root mean squares and standard deviations take theirs on a logarithmic scale, the last two that of the mean
 //! square; quantiles that of the share of
@@ -16,6 +16,8 @@ use crate::validate::statistics::{quantile, sorted};
 
 /// Batches of a mean, least and most.
 const BATCHES: [usize; 2] = [5, 50];
+/// From so many the plain estimate is not asked.
+const ENOUGH: usize = 20;
 /// Integrated autocorrelation times in a batch.
 const TIMES: f64 = 4.0;
 /// Lags looked at.
@@ -147,7 +149,14 @@ pub fn mean(x: &[f64]) -> Option<Figure> {
         .map(|part| part.iter().sum::<f64>() / real(part.len().max(1)))
         .collect();
     let scatter = means.iter().map(|m| (m - value).powi(2)).sum::<f64>() / real(batches - 1);
-    let square = (scatter / real(batches)).max(variance * tau / real(n));
+    let plain = variance * tau / real(n);
+    let own = scatter / real(batches);
+    // Many batches know better: what swings to and fro (an engine) has a mean far surer than its samples alone would make it.
+    let square = if batches < ENOUGH {
+        own.max(plain)
+    } else {
+        own
+    };
     let (se, dof) = (square.sqrt(), real(batches - 1));
     let half = student_half(dof) * se;
     Some(Figure {

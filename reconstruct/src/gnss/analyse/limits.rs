@@ -7,7 +7,7 @@
 //! together; the unwrapped value is unambiguous if both are seen in one stretch without a gap.
 //!
 //! **Saturation.** Three equal values or more in a row, two and more pairs, or a heap of values twice
-//! that at any step next inside, at the largest or the smallest value of the axis, where
+//! that at either step next inside, at the largest or the smallest value of the axis, where
 //! the steps of the output are small against its noise and the value stands far outside the bulk. An axis that never changes is said to be dead.
 
 use schema::num::real;
@@ -318,7 +318,7 @@ fn saturated(spans: &Spans, axis: usize, values: &[f64], usual: f64) -> Vec<Even
     found
 }
 
-/// Most values at any of the five steps of the output next inside `limit`, at least one; `order` is sorted.
+/// Most values at either of the two steps of the output next inside `limit`, at least one; `order` is sorted.
 fn crowd(order: &[f64], limit: f64, quantum: f64) -> usize {
     let inward = if order.last().is_some_and(|m| *m <= limit) {
         -quantum
@@ -330,7 +330,7 @@ fn crowd(order: &[f64], limit: f64, quantum: f64) -> usize {
         let end = |x: f64| order.partition_point(|v| *v < x);
         end(centre + 0.5 * quantum) - end(centre - 0.5 * quantum)
     };
-    (1..=5).map(at).max().unwrap_or(0).max(1)
+    (1..=2).map(at).max().unwrap_or(0).max(1)
 }
 
 /// Runs of samples at `limit`.

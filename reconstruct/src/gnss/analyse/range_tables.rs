@@ -106,8 +106,9 @@ pub(super) fn allan(a: &Analysis) -> Section {
         }
     };
     out.words.push(format!(
-        "{} spans {}, {} s together, the longest {} s.{}",
+        "{} {} ({}), {} s together, the longest {} s.{}",
         allan.spans,
+        if allan.spans == 1 { "span" } else { "spans" },
         allan.situation.name(),
         fixed(allan.total_s, 0),
         fixed(allan.longest_s, 0),

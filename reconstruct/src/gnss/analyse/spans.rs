@@ -275,6 +275,10 @@ impl Spans {
                 );
             }
             None if self.stands.is_empty() => {}
+            None if self.stands.len() == 1 => {
+                "Cannot tell rest from stop: there is one stand only. It counts as a stop; --rest FROM..TO names spans with the engine off."
+                    .clone_into(&mut self.told_by);
+            }
             None => {
                 "Cannot tell rest from stop: all stands vibrate alike. They count as stops; --rest FROM..TO names spans with the engine off."
                     .clone_into(&mut self.told_by);

@@ -48,7 +48,7 @@ impl Grid {
 /// Decimals that show two digits of a standard error.
 fn decimals(se: f64) -> usize {
     if se.is_finite() && se > 0.0 {
-        schema::num::round_usize((1.0 - se.log10().floor()).clamp(0.0, 9.0))
+        schema::num::round_usize((1.0 - se.log10().floor()).clamp(0.0, 6.0))
     } else {
         3
     }
