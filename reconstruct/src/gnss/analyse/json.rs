@@ -98,7 +98,7 @@ fn receiver(r: &Receiver) -> Value {
         told(&r.delay[i], |d| {
             json!({
                 "value_s": d.value_s, "se_s": n(d.se_s), "low_s": n(d.ends_s[0]),
-                "high_s": n(d.ends_s[1]), "pairs": d.pairs,
+                "high_s": n(d.ends_s[1]), "pairs": d.pairs, "short": d.short,
             })
         })
     };

@@ -272,6 +272,7 @@ impl Reference {
             se_s: se,
             ends_s: [delay - half, delay + half],
             pairs: score.count,
+            short: score.short,
         })
     }
 }
@@ -321,4 +322,6 @@ pub struct Delay {
     pub ends_s: [f64; 2],
     /// Pairs.
     pub pairs: usize,
+    /// True if the rests stay alike for so long that the interval may be too narrow.
+    pub short: bool,
 }

@@ -230,7 +230,7 @@ pub(super) fn positions(a: &Analysis) -> Section {
         &[
             "position",
             "mean (95 %)",
-            "less gravity",
+            "size less gravity",
             "off axis, deg",
             "spans, samples (worth)",
             "S00, table 4.7",
@@ -241,7 +241,7 @@ pub(super) fn positions(a: &Analysis) -> Section {
         match &position.reading {
             Some(f) => row.extend([
                 ends(f),
-                number(f.value - position.sign * table.gravity[0], f.se),
+                number(f.value * position.sign - table.gravity[0], f.se),
                 fixed(position.off.to_degrees(), 1),
                 format!(
                     "{}, {} ({})",

@@ -221,13 +221,18 @@ fn one(out: &mut Section, r: &Receiver) {
 
 fn delayed(name: &str, what: Aligned, d: &Delay) -> String {
     format!(
-        "{name}: delay behind the reference by {}: {} s +- {} (95 %: {} to {}; {} fixes).",
+        "{name}: delay behind the reference by {}: {} s +- {} (95 %: {} to {}; {} fixes{}).",
         what.name(),
         number(d.value_s, d.se_s),
         number(d.se_s, d.se_s),
         number(d.ends_s[0], d.se_s),
         number(d.ends_s[1], d.se_s),
-        d.pairs
+        d.pairs,
+        if d.short {
+            ", which are short against their correlation: may be too narrow"
+        } else {
+            ""
+        }
     )
 }
 
