@@ -148,6 +148,11 @@ fn what_is_wrong_is_said() {
         code == Some(0) && told.contains("Cannot tell: no reference"),
         "{told}"
     );
+    let (code, told, _) = analyse(&["--motions", text(&motions), "--rest", "1..9"]);
+    assert!(
+        code == Some(3) && told.contains("--rest 1..9: expected two seconds"),
+        "{told}"
+    );
     // A gap: said, and exit code 3.
     let whole = std::fs::read_to_string(&motions).unwrap();
     let lines: Vec<&str> = whole.lines().collect();

@@ -178,6 +178,14 @@ impl Spans {
             ));
         }
         spans.stand(rest);
+        for [from, to] in rest {
+            let met = |s: &Stand| s.from_s <= *to && s.to_s >= *from;
+            if !spans.stands.iter().any(met) {
+                spans.notes.push(format!(
+                    "--rest {from}..{to}: expected two seconds of samples in it, found fewer; it is not used."
+                ));
+            }
+        }
         spans.tell(rest);
         if unheard && !spans.bench && !spans.stretches.is_empty() {
             spans.notes.push(
