@@ -12,13 +12,14 @@ use reconstruct::gnss::published::SLIPS;
 use reconstruct::gnss::published::sensor::Orientation;
 use reconstruct::gnss::write::{write_fixes, write_motions};
 use reconstruct::simulate::city::{self, BoxSheet};
+use reconstruct::simulate::tumble::{self, TumbleSheet};
 use reconstruct::validate::workers;
 use schema::num::real;
 use serde_json::json;
 
 use crate::cli::validate::{Seeds, seeds};
 use crate::cli::{
-    CliError, SOUND, complain, gnss_outages, gnss_run, print, print_json, write_file,
+    CliError, SOUND, complain, gnss_analyse, gnss_outages, gnss_run, print, print_json, write_file,
 };
 
 /// Arguments of `gnss`.
@@ -34,6 +35,8 @@ enum Command {
     Run(Box<gnss_run::Args>),
     /// Withhold fixes of a drive with a reference as S00 does: what both filters make of the outages
     Outages(Box<gnss_outages::Args>),
+    /// What the logs tell of receiver and sensors: deviation from a reference, noise, bias, scale, wraps, Allan deviation
+    Analyse(Box<gnss_analyse::Args>),
     /// Make both logs, and those of a reference receiver, of a town drive with known truth
     Simulate(SimulateArgs),
     /// The experiments of S00 on simulated drives: its filter and ours
@@ -70,6 +73,9 @@ struct SimulateArgs {
     /// Axes of the inertial sensors
     #[arg(long, value_enum, default_value = "tag")]
     axes: SensorAxes,
+    /// Instead of a drive, a log of motions of a box laid on each of its six sides, then askew, and its hidden scales and biases
+    #[arg(long)]
+    six_positions: bool,
     /// Folder for the logs; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -97,6 +103,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     match &args.command {
         Command::Run(args) => gnss_run::run(args),
         Command::Outages(args) => gnss_outages::run(args),
+        Command::Analyse(args) => gnss_analyse::run(args),
+        Command::Simulate(args) if args.six_positions => six_positions(args),
         Command::Simulate(args) => simulate(args),
         Command::Experiments(args) => experiment(args),
         Command::Slips => slips(),
@@ -121,6 +129,34 @@ fn simulate(args: &SimulateArgs) -> Result<u8, CliError> {
     write_motions(&mut bytes, "motions", &motions, layout).map_err(|e| failed(&e))?;
     write_file(&path, &bytes)?;
     print(&format!("{}\n", path.display()))?;
+    Ok(SOUND)
+}
+
+fn six_positions(args: &SimulateArgs) -> Result<u8, CliError> {
+    let sheet = TumbleSheet {
+        askew: 9,
+        ..TumbleSheet::default()
+    };
+    let tumble = tumble::tumble(args.seed, &sheet);
+    let rows = logs::positions(&tumble);
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
+    let mut bytes = Vec::new();
+    write_motions(&mut bytes, "motions", &rows, Layout::default()).map_err(|e| failed(&e))?;
+    let truth = json!({
+        "latitude_deg": sheet.latitude.to_degrees(), "scale": tumble.scale, "bias_mps2": tumble.bias,
+        "misalignment_rad": tumble.misalignment, "rate_bias_radps": tumble.rate_bias,
+    });
+    for (name, bytes) in [
+        (format!("positions-{}.txt", args.seed), bytes),
+        (
+            format!("positions-{}.truth.json", args.seed),
+            format!("{truth:#}\n").into_bytes(),
+        ),
+    ] {
+        let path = args.out.join(name);
+        write_file(&path, &bytes)?;
+        print(&format!("{}\n", path.display()))?;
+    }
     Ok(SOUND)
 }
 

@@ -13,6 +13,7 @@ mod design;
 mod export;
 mod fetch;
 mod gnss;
+mod gnss_analyse;
 mod gnss_logs;
 mod gnss_outages;
 mod gnss_run;

@@ -12,6 +12,7 @@ use super::rows::{Fix, Head, Leg, MILLI_G, Motion};
 use super::sheet::Sheet;
 use super::time;
 use crate::simulate::city::{BoxSheet, CityDrive, IMU_HZ};
+use crate::simulate::tumble::Tumble;
 use crate::wgs84::Geodetic;
 
 /// How the sensors sit in the car.
@@ -270,6 +271,15 @@ pub fn rows(city: &CityDrive, sheet: &BoxSheet, axes: &Axes) -> (Vec<Fix>, Vec<M
             .map(|t| fix(REFERENCE, [t.t_s, 0.0], &t.place, &t.v_n, None))
             .collect(),
     )
+}
+
+/// A simulated box on its sides as a log of motions, in the sensor's own axes.
+#[must_use]
+pub fn positions(tumble: &Tumble) -> Vec<Motion> {
+    let samples = tumble.samples.iter();
+    samples
+        .map(|s| Axes::Car.row(head(BOX, s.t_s, 0.0), &s.accel, &s.rate))
+        .collect()
 }
 
 /// Of a row that was true at `t_s` and came `late_s` later.

@@ -19,7 +19,9 @@
 //! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
 //! 11. [`reference`]: how far a track is from a reference receiver, [`stands`]: how often a stop detector is wrong.
 //! 12. [`trial`]: fixes withheld as in S00; [`experiments`] on simulated drives, [`outages`] on logs; [`pictures`] of all.
+//! 13. [`analyse`]: what the logs tell of receiver and sensors, chapter 4 of S00 for any log.
 
+pub mod analyse;
 mod columns;
 pub mod drive;
 pub mod error;

@@ -27,6 +27,8 @@ pub enum Tolerance {
 pub struct Read<T> {
     /// Rows by leg, in the order the legs appear, and by on-board stamp within each.
     pub rows: Vec<T>,
+    /// Line of each row, from 1.
+    pub lines: Vec<u64>,
     /// The layout found.
     pub layout: Layout,
     /// What there is to say of the log.
@@ -37,14 +39,27 @@ impl<T: Row> Read<T> {
     /// The rows of an equipment, a drive, a leg; `None` is any.
     #[must_use]
     pub fn select(&self, equipment: Option<u32>, drive: Option<u32>, leg: Option<u32>) -> Vec<T> {
+        let numbered = self.numbered(equipment, drive, leg);
+        numbered.into_iter().map(|(_, row)| row).collect()
+    }
+
+    /// As [`Self::select`], each row behind the number of its line, from 1.
+    #[must_use]
+    pub fn numbered(
+        &self,
+        equipment: Option<u32>,
+        drive: Option<u32>,
+        leg: Option<u32>,
+    ) -> Vec<(u64, T)> {
         let wanted = |choice: Option<u32>, id: u32| choice.is_none_or(|c| c == id);
-        let chosen = |row: &&T| {
+        let chosen = |(_, row): &(u64, T)| {
             let found = row.head().leg;
             wanted(equipment, found.equipment)
                 && wanted(drive, found.drive)
                 && wanted(leg, found.leg)
         };
-        self.rows.iter().filter(chosen).copied().collect()
+        let rows = self.lines.iter().copied().zip(self.rows.iter().copied());
+        rows.filter(chosen).collect()
     }
 
     /// The legs of the log with the number of their rows, in the order they appear.
@@ -277,6 +292,7 @@ impl<T: Parse> Log<'_, T> {
         notes.extend(unended.note(NoteKind::Unended));
         Ok(Read {
             rows: self.rows,
+            lines: self.lines,
             layout: self.layout,
             notes,
         })

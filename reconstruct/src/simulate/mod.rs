@@ -31,6 +31,7 @@ mod samples;
 pub mod scenario;
 mod sensors;
 pub mod truth;
+pub mod tumble;
 
 use nalgebra::Vector3;
 use schema::Sample;

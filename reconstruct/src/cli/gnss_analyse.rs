@@ -1,0 +1,250 @@
+//! `reconstruct gnss analyse`: what the logs tell of receiver and sensors.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tables};
+use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
+use reconstruct::gnss::rows::{Fix, Motion, Row};
+use reconstruct::report::svg;
+
+use crate::cli::gnss::{SensorAxes, failed};
+use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file};
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Exit code 3: the logs have gaps or broken lines, a sensor came to the end of its range, or a log that is there does not tell what it ought to."
+)]
+pub(crate) struct Args {
+    /// Log of fixes, 35 columns
+    #[arg(long, value_name = "FILE", required_unless_present = "motions")]
+    fixes: Option<PathBuf>,
+    /// Log of accelerations and rates, 14 columns
+    #[arg(long, value_name = "FILE")]
+    motions: Option<PathBuf>,
+    /// Log of a reference receiver, in the format of the fixes; without it equipment 6 among the fixes
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Equipment to take; of the fixes all are taken otherwise
+    #[arg(long, value_name = "ID")]
+    equipment: Option<u32>,
+    /// Drive to take
+    #[arg(long, value_name = "ID")]
+    drive: Option<u32>,
+    /// Leg to take
+    #[arg(long, value_name = "ID")]
+    leg: Option<u32>,
+    /// Axes of the inertial sensors, for telling stops from driving; the figures are of the sensor's own axes
+    #[arg(long, value_enum, default_value = "tag")]
+    axes: SensorAxes,
+    /// Delay of the fixes behind the inertial samples, for telling stops from driving
+    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
+    latency: f64,
+    /// A span with the engine off, seconds of the box's clock; may be repeated
+    #[arg(long, value_name = "FROM..TO", value_parser = span, allow_hyphen_values = true)]
+    rest: Vec<[f64; 2]>,
+    /// Latitude, where no fixes tell it: for gravity
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    latitude: Option<f64>,
+    /// Skip lines that cannot be read, and count them
+    #[arg(long)]
+    skip_broken: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Folder for analysis.json, analysis.html and the pictures; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A span of two numbers.
+fn span(text: &str) -> Result<[f64; 2], String> {
+    let wrong = || format!("expected FROM..TO in seconds, TO after FROM, found {text}");
+    let (from, to) = text.split_once("..").ok_or_else(wrong)?;
+    match (from.trim().parse::<f64>(), to.trim().parse::<f64>()) {
+        (Ok(from), Ok(to)) if from.is_finite() && to.is_finite() && from < to => Ok([from, to]),
+        _ => Err(wrong()),
+    }
+}
+
+/// Reads a log and adds what there is to note of it.
+fn load<T: Row>(
+    path: Option<&PathBuf>,
+    read: impl Fn(BufReader<File>, &str) -> Result<Read<T>, reconstruct::gnss::GnssError>,
+    notes: &mut Vec<String>,
+) -> Result<Option<Read<T>>, CliError> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let file = File::open(path).map_err(|error| CliError::file(path, error))?;
+    let name = path.display().to_string();
+    let log = read(BufReader::new(file), &name).map_err(|e| failed(&e))?;
+    for note in &log.notes {
+        let text = format!("{name}: {note}");
+        complain("note", &text);
+        notes.push(text);
+    }
+    Ok(Some(log))
+}
+
+/// An empty choice from a log that is there is an error, with what there is.
+fn some<T: Row>(read: &Read<T>, rows: usize, path: Option<&PathBuf>) -> Result<(), CliError> {
+    if rows > 0 {
+        return Ok(());
+    }
+    Err(failed(&format!(
+        "{}: expected rows of the equipment, drive and leg chosen, found {}",
+        path.map_or_else(String::new, |p| p.display().to_string()),
+        listed(read)
+    )))
+}
+
+fn listed<T: Row>(read: &Read<T>) -> String {
+    let each = read.legs().into_iter().map(|(l, rows)| {
+        format!(
+            "equipment {} drive {} leg {} ({rows} rows)",
+            l.equipment, l.drive, l.leg
+        )
+    });
+    each.collect::<Vec<_>>().join(", ")
+}
+
+fn check(args: &Args) -> Result<(), CliError> {
+    if !(args.latency.is_finite() && (0.0..=3600.0).contains(&args.latency)) {
+        return Err(failed(&format!(
+            "--latency: expected 0 to 3600 s, found {}",
+            args.latency
+        )));
+    }
+    match args.latitude {
+        Some(d) if !(d.is_finite() && d.abs() <= 90.0) => Err(failed(&format!(
+            "--latitude: expected -90 to 90 degrees, found {d}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
+    check(args)?;
+    let tolerance = if args.skip_broken {
+        Tolerance::SkipBroken
+    } else {
+        Tolerance::Strict
+    };
+    let mut notes = Vec::new();
+    let as_fixes = |file: BufReader<File>, name: &str| read_fixes(file, name, tolerance);
+    let fixes = load(args.fixes.as_ref(), as_fixes, &mut notes)?;
+    let reference = load(args.reference.as_ref(), as_fixes, &mut notes)?;
+    let motions = load(
+        args.motions.as_ref(),
+        |file, name| read_motions(file, name, tolerance),
+        &mut notes,
+    )?;
+    let own = chosen_fixes(args, fixes.as_ref())?;
+    let samples = chosen_motions(args, motions.as_ref())?;
+    let reference_rows = reference.map_or_else(Vec::new, |r| r.rows);
+    let logs = Logs {
+        fixes: &own,
+        motions: &samples,
+        reference: &reference_rows,
+    };
+    let analysis = analyse::analyse(
+        &logs,
+        &Settings {
+            axes: args.axes.into(),
+            latency_s: args.latency,
+            rest: args.rest.clone(),
+            latitude: args.latitude.map(f64::to_radians),
+        },
+    );
+    let sections = tables::sections(&analysis);
+    let mut value = json::json(&analysis);
+    if let Some(object) = value.as_object_mut() {
+        object.insert("notes".to_owned(), notes.clone().into());
+    }
+    if let Some(out) = &args.out {
+        let files = [&args.fixes, &args.motions, &args.reference];
+        let names: Vec<String> = files
+            .iter()
+            .filter_map(|p| p.as_ref().and_then(|p| p.file_name()))
+            .map(|n| n.to_string_lossy().into_owned())
+            .collect();
+        let drawn = pictures::draw(&analysis);
+        write(
+            out,
+            &value,
+            &page::html(&sections, &drawn, &names, &notes),
+            &drawn,
+        )?;
+    }
+    if args.json {
+        print_json(&value)?;
+    } else {
+        print(&tables::text(&sections))?;
+    }
+    Ok(if notes.is_empty() && !analysis.gaps(&logs) {
+        SOUND
+    } else {
+        GAPS
+    })
+}
+
+/// Fixes of the equipment chosen, and those of the reference beside them.
+fn chosen_fixes(args: &Args, fixes: Option<&Read<Fix>>) -> Result<Vec<Fix>, CliError> {
+    let Some(read) = fixes else {
+        return Ok(Vec::new());
+    };
+    let mut own = read.select(args.equipment, args.drive, args.leg);
+    some(read, own.len(), args.fixes.as_ref())?;
+    if args.reference.is_none() && args.equipment.is_some_and(|e| e != analyse::REFERENCE) {
+        own.extend(read.select(Some(analyse::REFERENCE), args.drive, args.leg));
+    }
+    Ok(own)
+}
+
+/// Samples of the one equipment chosen: sensors of several boxes are not one.
+fn chosen_motions(
+    args: &Args,
+    motions: Option<&Read<Motion>>,
+) -> Result<Vec<(u64, Motion)>, CliError> {
+    let Some(read) = motions else {
+        return Ok(Vec::new());
+    };
+    let samples = read.numbered(args.equipment, args.drive, args.leg);
+    some(read, samples.len(), args.motions.as_ref())?;
+    let first = samples.first().map(|s| s.1.head.leg.equipment);
+    if samples
+        .iter()
+        .any(|s| Some(s.1.head.leg.equipment) != first)
+    {
+        return Err(failed(&format!(
+            "{}: expected motions of one equipment (--equipment), found {}",
+            args.motions
+                .as_ref()
+                .map_or_else(String::new, |p| p.display().to_string()),
+            listed(read)
+        )));
+    }
+    Ok(samples)
+}
+
+fn write(
+    out: &Path,
+    value: &serde_json::Value,
+    page: &str,
+    drawn: &[pictures::Picture],
+) -> Result<(), CliError> {
+    std::fs::create_dir_all(out).map_err(|e| CliError::file(out, e))?;
+    write_file(
+        &out.join("analysis.json"),
+        format!("{value:#}\n").as_bytes(),
+    )?;
+    write_file(&out.join("analysis.html"), page.as_bytes())?;
+    for picture in drawn {
+        let path = out.join(format!("{}.svg", picture.name));
+        write_file(&path, svg::file(&picture.svg).as_bytes())?;
+    }
+    complain("written", &out.join("analysis.html").display().to_string());
+    Ok(())
+}
