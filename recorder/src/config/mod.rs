@@ -3,6 +3,7 @@
 
 mod bundle;
 mod file;
+mod gnss;
 mod locate;
 mod mapping;
 mod names;
@@ -12,6 +13,7 @@ mod units;
 
 pub use bundle::Bundle;
 pub use file::Config;
+pub use gnss::{Device, Gnss, GnssInput, Signals};
 pub use locate::{Place, nearest};
 pub use operation::default_socket;
 pub use operation::{Run, Serial, Spool, Store};

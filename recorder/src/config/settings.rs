@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::ConfigError;
 use super::file::{AxesName, Config, LayoutName, OneOrMany, Threshold};
+use super::gnss::Gnss;
 use super::locate::Source;
 use super::mapping::Mapper;
 use super::operation::{Run, Serial, Spool, Store};
@@ -42,6 +43,17 @@ pub enum Condition {
     Equals(f64),
     /// The signal is above this value.
     Above(f64),
+}
+
+impl Condition {
+    /// True for a value that meets it.
+    #[must_use]
+    pub fn holds(self, value: f64) -> bool {
+        match self {
+            Self::Equals(wanted) => (value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0),
+            Self::Above(limit) => value > limit,
+        }
+    }
 }
 
 /// A signal that triggers.
@@ -119,6 +131,8 @@ pub struct Settings {
     pub run: Run,
     /// The read-out over a serial line: `[serial]`.
     pub serial: Option<Serial>,
+    /// The satellite receiver: `[gnss]`.
+    pub gnss: Option<Gnss>,
     /// SHA-256 of the configuration's bytes.
     pub config_sha256: [u8; 32],
 }
@@ -179,6 +193,7 @@ impl Settings {
             spool: check.spool(&config, base_dir)?,
             run: check.run(&config, base_dir)?,
             serial: check.serial(&config)?,
+            gnss: check.gnss(&config)?,
             config_sha256: Sha256::digest(text.as_bytes()).into(),
             plan: Mapper::new(&config, &source, &databases).build()?,
             imu,
