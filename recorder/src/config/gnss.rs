@@ -5,9 +5,10 @@ use schema::num;
 use serde::Deserialize;
 
 use super::ConfigError;
+use super::condition::Condition;
 use super::file::Config;
 use super::mapping::Mapper;
-use super::settings::{Check, Condition};
+use super::settings::Check;
 use super::units::{self, Quantity};
 use crate::gnss::can::{Field, Rules};
 use crate::plan::Role;

@@ -9,6 +9,7 @@ use schema::units::{MetersPerSecond, MetersPerSecondSquared, Radians, RadiansPer
 use sha2::{Digest, Sha256};
 
 use super::ConfigError;
+use super::condition::Condition;
 use super::file::{AxesName, Config, LayoutName, OneOrMany, Threshold};
 use super::gnss::Gnss;
 use super::locate::Source;
@@ -34,26 +35,6 @@ pub struct Ring {
     pub after: u64,
     /// Layout of the sealed blocks.
     pub layout: Layout,
-}
-
-/// When a CAN signal triggers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Condition {
-    /// The signal equals this value.
-    Equals(f64),
-    /// The signal is above this value.
-    Above(f64),
-}
-
-impl Condition {
-    /// True for a value that meets it.
-    #[must_use]
-    pub fn holds(self, value: f64) -> bool {
-        match self {
-            Self::Equals(wanted) => (value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0),
-            Self::Above(limit) => value > limit,
-        }
-    }
 }
 
 /// A signal that triggers.

@@ -42,6 +42,10 @@ fn entries_come_back() {
             error_frames: 6,
             utc_offset_ns: -7,
         },
+        Entry::Sentence {
+            at_ns: 6,
+            text: Text::new(b"$GPZDA,,,,,,*48").unwrap(),
+        },
         Entry::Closed { at_ns: 7 },
         Entry::End { at_ns: 8 },
     ];
