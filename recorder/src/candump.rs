@@ -11,6 +11,14 @@ pub struct LineError {
     pub expected: &'static str,
 }
 
+/// The time stamp at the beginning of a line, ns, and the column behind it.
+pub(crate) fn stamp(line: &[u8]) -> Result<(i64, usize), LineError> {
+    let mut cursor = Cursor { line, at: 0 };
+    cursor.spaces();
+    let time_ns = cursor.stamp()?;
+    Ok((time_ns, cursor.at))
+}
+
 /// Values of hexadecimal digits; 0xFF is none.
 const HEX: [u8; 256] = {
     let mut table = [0xFF_u8; 256];

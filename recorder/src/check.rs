@@ -11,6 +11,8 @@ use crate::can::SourceHealth;
 use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::event::{GROUP_NAMES, GroupState};
+use crate::gnss::GnssState;
+use crate::gnss::line::{Line, LineState, Told};
 use crate::live::{LiveSource, Note};
 use crate::moments::Moments;
 use crate::pipeline::{Pipeline, Totals};
@@ -33,6 +35,30 @@ pub struct GroupReport {
     pub noise_at_rest: Option<f64>,
 }
 
+/// One signal of the satellite receiver, or one kind of its sentences.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ArrivalReport {
+    /// Key in `[gnss]`, or the sentence's three letters.
+    pub name: String,
+    /// Times it came.
+    pub count: u64,
+    /// A second.
+    pub rate_hz: f64,
+}
+
+/// The satellite receiver as it arrives.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GnssReport {
+    /// Device or signals.
+    pub receiver: String,
+    /// Fixes with a position.
+    pub fixes: u64,
+    /// Epochs without a fix.
+    pub no_fix: u64,
+    /// Each signal, or each kind of sentence that came.
+    pub arrivals: Vec<ArrivalReport>,
+}
+
 /// What a check found.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckReport {
@@ -42,6 +68,9 @@ pub struct CheckReport {
     pub rest_seconds: f64,
     /// The signal groups.
     pub signals: Vec<GroupReport>,
+    /// The satellite receiver, where one is configured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gnss: Option<GnssReport>,
     /// Sentences on what is wrong or doubtful.
     pub warnings: Vec<String>,
 }
@@ -108,20 +137,43 @@ pub fn check(
     map: Vec<(String, String)>,
     seconds: Option<f64>,
 ) -> Result<CheckReport, RecorderError> {
+    let options = ReplayOptions {
+        map,
+        stop_after: seconds,
+        ..ReplayOptions::default()
+    };
+    check_with(settings, inputs, options)
+}
+
+/// As [`check`], with what a replay can be asked for: sentences of the satellite receiver, a map, an end.
+///
+/// # Errors
+/// As [`replay`].
+pub fn check_with(
+    settings: &Settings,
+    inputs: Vec<LogInput>,
+    options: ReplayOptions<'_>,
+) -> Result<CheckReport, RecorderError> {
     let mut seen = Seen::new(settings);
     let outcome = replay(
         &quiet(settings),
         inputs,
         ReplayOptions {
-            map,
-            stop_after: seconds,
+            map: options.map,
+            stop_after: options.stop_after,
+            nmea: options.nmea,
             observer: Some(Box::new(|_, sample| seen.sample(sample))),
             ..ReplayOptions::default()
         },
     )?;
+    let heard = Heard {
+        groups: outcome.groups,
+        gnss: outcome.gnss.as_ref(),
+        line: None,
+    };
     Ok(report(
         settings,
-        outcome.groups,
+        &heard,
         &outcome.totals,
         &outcome.source,
         &seen,
@@ -144,12 +196,20 @@ pub fn check_live(
         .now_ns()
         .saturating_add(num::round_i64(seconds * 1e9));
     let mut health = SourceHealth::default();
+    let device = settings.gnss.as_ref().and_then(|gnss| gnss.device());
+    let line = device.map(Line::start).transpose()?;
     while source.now_ns() < until && source.open() {
         source.read(Duration::from_millis(50), &mut |frame| {
             pipeline.frame(frame);
         })?;
         let now = source.now_ns();
         pipeline.tick(now);
+        while let Some(told) = line.as_ref().and_then(Line::next) {
+            match told {
+                Told::Note { text, .. } => health.examples.push(text),
+                Told::Heard(heard) => pipeline.heard(now, &heard),
+            }
+        }
         while let Some(note) = source.next_note() {
             match note {
                 Note::ClockStep { at_ns, step_ns } => pipeline.clock_step(at_ns, step_ns),
@@ -171,14 +231,73 @@ pub fn check_live(
         warn(interface.error_frames, "error frames");
         warn(u64::from(!interface.up), "(down)");
     }
-    let (groups, totals) = (pipeline.groups(), pipeline.totals());
+    let (groups, totals, gnss) = (pipeline.groups(), pipeline.totals(), pipeline.gnss());
     drop(pipeline);
-    Ok(report(settings, groups, &totals, &health, &seen))
+    let heard = Heard {
+        groups,
+        gnss: gnss.as_ref(),
+        line: line.map(|line| line.state()),
+    };
+    Ok(report(settings, &heard, &totals, &health, &seen))
+}
+
+/// What arrived.
+struct Heard<'a> {
+    groups: [GroupState; 4],
+    gnss: Option<&'a GnssState>,
+    line: Option<LineState>,
+}
+
+/// The satellite receiver, and what is wrong with it.
+fn receiver(
+    settings: &Settings,
+    heard: &Heard<'_>,
+    seconds: f64,
+    warnings: &mut Vec<String>,
+) -> Option<GnssReport> {
+    let (configured, state) = (settings.gnss.as_ref()?, heard.gnss?);
+    let device = configured.device().is_some();
+    if state.fixes == 0 {
+        warnings.push("the satellite receiver had no fix".to_owned());
+    }
+    if heard.line.is_some_and(|line| !line.open) {
+        warnings.push("the satellite receiver's device can not be opened".to_owned());
+    }
+    let counts = [
+        (state.counts.bad_checksum, "with a wrong checksum"),
+        (state.counts.malformed, "malformed"),
+    ];
+    for (count, what) in counts {
+        if count > 0 {
+            warnings.push(format!("{count} sentences {what}"));
+        }
+    }
+    let mut arrivals = Vec::new();
+    for arrival in &state.arrivals {
+        // Of sentences some kinds are enough, of signals all were asked for.
+        if arrival.count == 0 {
+            if !device {
+                warnings.push(format!("gnss.{} never arrived", arrival.name));
+            }
+            continue;
+        }
+        arrivals.push(ArrivalReport {
+            name: arrival.name.clone(),
+            count: arrival.count,
+            rate_hz: num::real_u64(arrival.count) / seconds.max(1e-3),
+        });
+    }
+    Some(GnssReport {
+        receiver: configured.sheet.receiver.clone(),
+        fixes: state.fixes,
+        no_fix: state.no_fix,
+        arrivals,
+    })
 }
 
 fn report(
     settings: &Settings,
-    groups: [GroupState; 4],
+    heard: &Heard<'_>,
     totals: &Totals,
     source: &SourceHealth,
     seen: &Seen,
@@ -186,7 +305,12 @@ fn report(
     let wanted = if settings.wheels.present { 4 } else { 2 };
     let mut warnings = Vec::new();
     let mut signals = Vec::new();
-    for (group, (name, state)) in GROUP_NAMES.iter().zip(groups).enumerate().take(wanted) {
+    for (group, (name, state)) in GROUP_NAMES
+        .iter()
+        .zip(heard.groups)
+        .enumerate()
+        .take(wanted)
+    {
         let arrives = state.last_ns.is_some();
         if !arrives {
             warnings.push(format!("{name} never arrived"));
@@ -235,10 +359,12 @@ fn report(
         ));
     }
     let seconds = |samples: u64| num::real_u64(samples) / 100.0;
+    let gnss = receiver(settings, heard, seconds(seen.samples), &mut warnings);
     CheckReport {
         seconds: seconds(seen.samples),
         rest_seconds: seconds(seen.at_rest),
         signals,
+        gnss,
         warnings,
     }
 }

@@ -2,6 +2,7 @@
 
 mod daemon;
 mod key;
+mod replay;
 mod serve;
 
 use std::io::{self, Write};
@@ -9,19 +10,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use schema::Record;
-use schema::parts::TriggerKind;
-use schema::seal::Hex;
-use schema::units::{MetersPerSecond, MetersPerSecondSquared};
-use serde::Serialize;
 
-use crate::check::{CheckReport, check, check_live};
+use crate::check::{CheckReport, check_live, check_with};
 use crate::config::Settings;
-use crate::daemon::status::kind_word;
 use crate::error::RecorderError;
-use crate::replay::{LogInput, ReplayOptions, ReplayOutcome, replay};
+use crate::replay::{LogInput, ReplayOptions};
 use crate::socket::Sockets;
-use crate::store;
 
 /// Everything went well.
 const SOUND: u8 = 0;
@@ -41,26 +35,7 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Replay candump logs through the recorder and seal what triggers.
-    Replay {
-        /// Configuration (TOML).
-        #[arg(long)]
-        config: PathBuf,
-        /// Logs in the form of `candump -L`; `-` is standard input. Several are merged by time.
-        #[arg(required = true)]
-        logs: Vec<PathBuf>,
-        /// Folder of the sealed records (default: `[store] dir` of the configuration).
-        #[arg(long)]
-        out: Option<PathBuf>,
-        /// Manual trigger, seconds from the first frame of the log; repeatable.
-        #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-        trigger_at: Vec<f64>,
-        /// Take the log's interface NAME for the configured one; repeatable.
-        #[arg(long, value_name = "NAME=CONFIGURED", value_parser = pair)]
-        map: Vec<(String, String)>,
-        /// One JSON object a sealed record.
-        #[arg(long)]
-        json: bool,
-    },
+    Replay(replay::Args),
     /// Record from the CAN interfaces until told to stop: the daemon.
     Run {
         /// Configuration (TOML).
@@ -111,6 +86,9 @@ enum Command {
         config: PathBuf,
         /// Logs to look at.
         logs: Vec<PathBuf>,
+        /// Sentences of the satellite receiver, `(seconds.fraction) $...` a line, on the clock of the logs.
+        #[arg(long, value_name = "FILE", requires = "logs")]
+        nmea: Option<PathBuf>,
         /// Look at so many seconds of the logs; without a log, listen to the interfaces for so long.
         #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
         seconds: Option<f64>,
@@ -141,48 +119,29 @@ fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// A sealed record as `--json` prints it.
-#[derive(Serialize)]
-struct SealedLine<'a> {
-    path: String,
-    triggers: Vec<TriggerLine>,
-    complete: bool,
-    ends_at_rest: bool,
-    reasons: &'a [String],
-    gaps: usize,
-    sha256: String,
-}
-
-#[derive(Serialize)]
-struct TriggerLine {
-    kind: TriggerKind,
-    t_s: f64,
-    value: f64,
-    threshold: f64,
-    source: String,
-}
-
 /// Runs the command line and gives the exit code.
 #[must_use]
 pub fn run(args: Args) -> ExitCode {
     let mut err = io::stderr();
     let done = match args.command {
-        Command::Replay {
-            config,
-            logs,
-            out,
-            trigger_at,
-            map,
-            json,
-        } => run_replay(&config, &logs, out, trigger_at, map, json, &mut err),
+        Command::Replay(args) => replay::run(args, &mut err),
         Command::Key(command) => key::run(command),
         Command::Check {
             config,
             logs,
+            nmea,
             seconds,
             map,
             json,
-        } => run_check(&config, &logs, seconds, map, json),
+        } => {
+            let options = ReplayOptions {
+                map,
+                stop_after: seconds,
+                nmea: nmea.map(LogInput::File),
+                ..ReplayOptions::default()
+            };
+            run_check(&config, &logs, options, json)
+        }
         Command::Run { config, paced, map } => daemon::run(config, paced, map),
         Command::Status {
             config,
@@ -234,146 +193,14 @@ fn say(err: &mut impl Write, line: &str) {
     let _ = writeln!(err, "recorder: {line}");
 }
 
-fn run_replay(
-    config: &Path,
-    logs: &[PathBuf],
-    out: Option<PathBuf>,
-    trigger_at: Vec<f64>,
-    map: Vec<(String, String)>,
-    json: bool,
-    err: &mut impl Write,
-) -> Result<u8, RecorderError> {
-    let settings = Settings::load(config)?;
-    let dir = out.unwrap_or_else(|| settings.store.dir.clone());
-    let mut lines = Vec::new();
-    let sink = Box::new(|record: Record| {
-        let (path, seal) = store::save(&record, &dir)?;
-        print(&sealed_line(&record, &path, &seal, json))?;
-        lines.extend(warnings(&record, &path));
-        Ok(())
-    });
-    let outcome = replay(
-        &settings,
-        inputs(logs),
-        ReplayOptions {
-            trigger_at,
-            map,
-            sink: Some(sink),
-            ..ReplayOptions::default()
-        },
-    )?;
-    for line in lines {
-        say(err, &line);
-    }
-    tell(&outcome, err);
-    Ok(if outcome.sound() { SOUND } else { GAPS })
-}
-
-fn sealed_line(record: &Record, path: &Path, seal: &schema::Seal, json: bool) -> String {
-    if !json {
-        return path.display().to_string();
-    }
-    let first_ns = record
-        .triggers
-        .first()
-        .map_or(0, |trigger| trigger.monotonic_ns);
-    let line = SealedLine {
-        path: path.display().to_string(),
-        triggers: record
-            .triggers
-            .iter()
-            .map(|trigger| TriggerLine {
-                kind: trigger.kind,
-                t_s: schema::num::real_i64(trigger.monotonic_ns - first_ns) / 1e9,
-                value: trigger.value,
-                threshold: trigger.threshold,
-                source: trigger.source.clone(),
-            })
-            .collect(),
-        complete: record.completion.complete,
-        ends_at_rest: record.completion.ends_at_rest,
-        reasons: &record.completion.reasons,
-        gaps: record.health.gaps.len(),
-        sha256: Hex(&seal.sha256).to_string(),
-    };
-    serde_json::to_string(&line).unwrap_or_default()
-}
-
-fn warnings(record: &Record, path: &Path) -> Vec<String> {
-    let name = path
-        .file_name()
-        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let kinds: Vec<&str> = record
-        .triggers
-        .iter()
-        .map(|trigger| kind_word(trigger.kind))
-        .collect();
-    let mut lines = vec![format!("{name}: triggers: {}", kinds.join(", "))];
-    for reason in &record.completion.reasons {
-        lines.push(format!("{name}: incomplete: {reason}"));
-    }
-    for gap in record.health.gaps.iter().take(5) {
-        let seconds = schema::num::real_i64(gap.to_ns - gap.from_ns) / 1e9;
-        lines.push(format!("{name}: gap of {seconds:.3} s in {}", gap.signal));
-    }
-    if record.health.gaps.len() > 5 {
-        lines.push(format!("{name}: {} gaps in all", record.health.gaps.len()));
-    }
-    lines
-}
-
-fn tell(outcome: &ReplayOutcome, err: &mut impl Write) {
-    let totals = &outcome.totals;
-    for example in &outcome.source.examples {
-        say(err, example);
-    }
-    for name in &outcome.source.foreign {
-        say(
-            err,
-            &format!(
-                "interface {name} is in the log and no bus names it (--map {name}=CONFIGURED)"
-            ),
-        );
-    }
-    for at in &outcome.triggers_left {
-        say(
-            err,
-            &format!("--trigger-at {at}: expected a time within the log, found its end before"),
-        );
-    }
-    let seconds = schema::num::real_i64(totals.span_ns) / 1e9;
-    say(
-        err,
-        &format!(
-            "{} frames in {seconds:.1} s of log, {} malformed, {} late, {} gaps, {} records",
-            totals.frames,
-            outcome.source.malformed + totals.decode.too_short,
-            totals.late,
-            totals.gaps,
-            outcome.records
-        ),
-    );
-    if outcome.records == 0 {
-        say(
-            err,
-            &format!(
-                "no trigger fired: the largest delta-V within 150 ms was {:.1} km/h, the largest acceleration of a frame {:.1} g",
-                MetersPerSecond(totals.largest_delta_v).kmh(),
-                MetersPerSecondSquared(totals.largest_peak).g()
-            ),
-        );
-    }
-}
-
 fn run_check(
     config: &Path,
     logs: &[PathBuf],
-    seconds: Option<f64>,
-    map: Vec<(String, String)>,
+    options: ReplayOptions<'_>,
     json: bool,
 ) -> Result<u8, RecorderError> {
     let settings = Settings::load(config)?;
-    if let (true, Some(seconds)) = (logs.is_empty(), seconds) {
+    if let (true, Some(seconds)) = (logs.is_empty(), options.stop_after) {
         let mut sockets = Sockets::open(&settings)?;
         let report = check_live(&settings, &mut sockets, seconds)?;
         return tell_check(&report, json);
@@ -386,7 +213,7 @@ fn run_check(
         })?;
         return Ok(SOUND);
     }
-    let report = check(&settings, inputs(logs), map, seconds)?;
+    let report = check_with(&settings, inputs(logs), options)?;
     tell_check(&report, json)
 }
 
@@ -424,6 +251,15 @@ fn print_check(report: &CheckReport) -> Result<(), RecorderError> {
             format!("{}: never arrived", signal.signal)
         };
         print(&text)?;
+    }
+    if let Some(gnss) = &report.gnss {
+        print(&format!(
+            "gnss: {} fixes, {} epochs without a fix",
+            gnss.fixes, gnss.no_fix
+        ))?;
+        for arrival in &gnss.arrivals {
+            print(&format!("gnss {}: {:.2} Hz", arrival.name, arrival.rate_hz))?;
+        }
     }
     for warning in &report.warnings {
         print(&format!("warning: {warning}"))?;

@@ -2,6 +2,7 @@
 
 use crate::bins::AXES;
 use crate::can::Frame;
+use crate::gnss::can::Field;
 use crate::plan::{MessagePlan, Role, Stream, Wheel, WheelKind};
 use crate::signal::{Reading, Scaled, selected};
 
@@ -21,6 +22,8 @@ pub enum Update {
     Wheel(usize, f64),
     /// An auxiliary value.
     Aux(usize, f64),
+    /// What a satellite receiver says, SI and radians, times in ns.
+    Gnss(Field, f64),
     /// A value of a trigger signal.
     Can(usize, f64),
 }
@@ -112,6 +115,18 @@ impl Decoder {
                         self.value(scaled, *range, message.range_check, frame, &mut short)
                     {
                         take(Update::Aux(*slot, value));
+                    }
+                }
+                Role::Gnss {
+                    field,
+                    scaled,
+                    to_si,
+                    range,
+                } => {
+                    if let Some(value) =
+                        self.value(scaled, *range, message.range_check, frame, &mut short)
+                    {
+                        take(Update::Gnss(*field, value * to_si));
                     }
                 }
                 Role::Can { slot, scaled } => {

@@ -29,6 +29,12 @@ pub enum RecorderError {
         /// First malformed line, or empty.
         example: String,
     },
+    /// Sentences are given and no receiver is configured.
+    #[error("--nmea {log}: expected [gnss] with a device in the configuration, found none")]
+    NoReceiver {
+        /// The log's name.
+        log: String,
+    },
     /// An interface is renamed to one that no bus names.
     #[error("--map {from}={to}: expected one of the configured interfaces ({known}), found {to}")]
     Map {

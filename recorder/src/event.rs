@@ -3,6 +3,7 @@
 mod account;
 
 use schema::block::{cut, thin_blocks};
+use schema::gnss::Gnss;
 use schema::header::{
     Clock, ClockSource, FORMAT_VERSION, Header, Interface, Layout, Origin, Periods,
 };
@@ -11,6 +12,7 @@ use schema::parts::{AuxChannel, Health, RawFrame, Trigger, TriggerKind};
 use schema::time::Grid;
 use schema::{Packed, Record, Scales};
 
+use crate::bins::start_of;
 use crate::can::Frame;
 use crate::config::Settings;
 use crate::ring::{AUX_SPAN, MOST_RAW, RawRing, Ring};
@@ -179,6 +181,8 @@ impl Event {
             thin_blocks(&mut blocks, &at, &scales);
         }
         let completion = self.completion(settings, ending, first, end);
+        let (gnss, gnss_note) = self.gnss(settings, first, end);
+        self.notes.extend(gnss_note);
         let health = self.health(settings, around.health, &around.groups, first, end);
         let period = |group: usize| {
             around
@@ -227,7 +231,7 @@ impl Event {
                 .collect(),
             raw: self.raw_frames(),
             aux: self.aux(settings, first, end),
-            gnss: None,
+            gnss,
             health,
             triggers: self
                 .triggers
@@ -236,6 +240,19 @@ impl Event {
                 .collect(),
             completion,
         }
+    }
+
+    /// Fixes and sentences of the record's time, where the configuration asks for them, and what is to be said of them.
+    fn gnss(&self, settings: &Settings, first: u64, end: u64) -> (Option<Gnss>, Option<String>) {
+        let Some(gnss) = &settings.gnss else {
+            return (None, None);
+        };
+        let (start_ns, end_ns) = (start_of(first), start_of(end));
+        let (part, left_out) = self.tape.gnss.part(&gnss.sheet, start_ns, end_ns);
+        let note = (left_out > 0).then(|| {
+            format!("{left_out} sentences of the satellite receiver found no room in the record")
+        });
+        (Some(part), note)
     }
 
     fn raw_frames(&self) -> Vec<RawFrame> {

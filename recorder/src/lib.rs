@@ -9,6 +9,8 @@
 //! 6. [`trigger`]: a pure machine that says when to freeze and when to seal ([`delta_v`], [`rest`]).
 //! 7. [`event`]: the frozen event becomes a record; [`store`] puts it on disk.
 //!
+//! [`gnss`] makes satellite fixes of signals, or of sentences ([`nmea`]), where the configuration asks for them.
+//!
 //! [`serve`] reads the records out over a serial line, beside all this.
 //!
 //! [`pipeline`] joins 3 to 7 and reads no clock; [`replay`] feeds it from logs.
@@ -27,6 +29,7 @@ pub mod decode;
 pub mod delta_v;
 pub mod error;
 pub mod event;
+pub mod gnss;
 pub mod health;
 pub mod imu_stream;
 pub mod keys;
@@ -34,6 +37,7 @@ pub mod level;
 pub mod live;
 pub mod log_source;
 pub mod moments;
+pub mod nmea;
 pub mod pace;
 pub mod pipeline;
 pub mod plan;

@@ -201,7 +201,22 @@ impl LogSource {
         }
     }
 
-    fn malformed(&mut self, expected: &str, found: &str) {
+    /// The next line that is not blank, whatever it holds, without its line feed.
+    ///
+    /// # Errors
+    /// When the log can not be read.
+    pub(crate) fn text(&mut self) -> Result<Option<&[u8]>, RecorderError> {
+        while let Some((start, end)) = self.next_line()? {
+            let line = self.buffer.get(start..end).unwrap_or_default();
+            if !line.iter().all(u8::is_ascii_whitespace) {
+                return Ok(self.buffer.get(start..end));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Counts the last line as none.
+    pub(crate) fn malformed(&mut self, expected: &str, found: &str) {
         self.health.malformed += 1;
         if self.health.examples.len() < EXAMPLES {
             self.health.examples.push(format!(

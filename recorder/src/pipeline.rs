@@ -2,13 +2,15 @@
 //! what the frames say.
 
 mod arrival;
+mod gnss;
 mod live;
+mod seal;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use schema::num;
-use schema::parts::{Gap, Health};
+use schema::parts::Gap;
 use schema::time::Grid;
 use schema::{Packer, Record, Sample, Scales};
 
@@ -16,7 +18,8 @@ use crate::bins::index_of;
 use crate::can::{ERR, Frame};
 use crate::config::{RawFrames, Settings};
 use crate::decode::{DecodeHealth, Decoder, Update};
-use crate::event::{Ending, Event, Facts, GROUP_NAMES, GroupState, Surroundings};
+use crate::event::{Ending, Event, Facts, GROUP_NAMES, GroupState};
+use crate::gnss::Receiver;
 use crate::pace::Pace;
 use crate::ring::{RawRing, Ring, aux_group};
 use crate::sampler::{Closed, Output, Sampler};
@@ -89,6 +92,8 @@ pub struct Pipeline<'a> {
     /// UTC minus the line: the sum of the steps of the system clock.
     shift_ns: i64,
     facts: Option<Facts>,
+    /// The satellite receiver, where one is configured.
+    gnss: Option<Receiver>,
     observer: Option<Observer<'a>>,
 }
 
@@ -124,6 +129,7 @@ impl<'a> Pipeline<'a> {
             fired: Vec::new(),
             shift_ns: 0,
             facts: None,
+            gnss: settings.gnss.as_ref().map(Receiver::new),
             observer,
             settings,
         }
@@ -196,6 +202,7 @@ impl<'a> Pipeline<'a> {
             self.step_machine(&Input::Manual(at));
         }
         self.fire_asked(now_ns);
+        self.advance_gnss(now_ns);
     }
 
     /// One frame at its place in time.
@@ -231,6 +238,7 @@ impl<'a> Pipeline<'a> {
         let mut decoder = std::mem::take(&mut self.decoder);
         decoder.read(message, frame, at_ns, |update| self.update(at_ns, update));
         self.decoder = decoder;
+        self.end_gnss_frame();
         self.drain();
     }
 
@@ -260,6 +268,7 @@ impl<'a> Pipeline<'a> {
                 self.sampler.wheel(side, at_ns, speed);
             }
             Update::Aux(slot, value) => self.keep_aux(at_ns, slot, value),
+            Update::Gnss(field, value) => self.gnss_signal(at_ns, field, value),
             Update::Can(slot, value) => self.step_machine(&Input::Can(slot, at_ns, value)),
         }
     }
@@ -396,53 +405,5 @@ impl<'a> Pipeline<'a> {
         if let Some(event) = self.events.get_mut(at) {
             event.mark(fired, &self.raw, &self.settings);
         }
-    }
-
-    fn seal(&mut self, ending: Ending) {
-        let Some(event) = self.events.pop_front() else {
-            return;
-        };
-        let decode = self.decoder.health;
-        let mut notes = self.notes.clone();
-        if let Some(facts) = &self.facts {
-            notes.extend(facts.notes.iter().cloned());
-        }
-        if decode.not_finite > 0 {
-            notes.push(format!(
-                "{} values were not finite after factor and offset, and are missing",
-                decode.not_finite
-            ));
-        }
-        if self.sampler.unplaced() > 0 {
-            notes.push(format!(
-                "{} single IMU frames could not be given a period",
-                self.sampler.unplaced()
-            ));
-        }
-        notes.extend(crate::health::sender_notes(
-            self.sampler.streams(),
-            &self.paces,
-        ));
-        let health = Health {
-            frames_seen: self.totals.frames,
-            frames_dropped: self.facts.as_ref().map_or(0, |facts| facts.dropped),
-            error_frames: self
-                .facts
-                .as_ref()
-                .map_or(0, |facts| facts.error_frames)
-                .max(self.totals.error_frames),
-            malformed: decode.too_short,
-            late_frames: self.totals.late + self.sampler.late(),
-            out_of_range: decode.out_of_range,
-            notes,
-            ..Health::default()
-        };
-        let around = Surroundings {
-            health,
-            groups: self.groups(),
-            facts: self.facts.clone(),
-        };
-        self.ready
-            .push_back(event.seal(&self.settings, ending, around));
     }
 }

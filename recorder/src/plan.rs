@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use schema::num;
 
+use crate::gnss::can::Field;
 use crate::signal::{Bits, Scaled, Selector};
 
 /// One axis of the IMU within a message.
@@ -66,6 +67,17 @@ pub enum Role {
         slot: usize,
         /// Where it is.
         scaled: Scaled,
+        /// The DBC's minimum and maximum.
+        range: Option<(f64, f64)>,
+    },
+    /// What a satellite receiver says.
+    Gnss {
+        /// Of what.
+        field: Field,
+        /// Where it is.
+        scaled: Scaled,
+        /// SI and radians (times: ns) of one DBC unit.
+        to_si: f64,
         /// The DBC's minimum and maximum.
         range: Option<(f64, f64)>,
     },

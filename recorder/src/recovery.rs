@@ -10,6 +10,7 @@ use schema::header::{Clock, ClockSource, Interface};
 use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::event::{Facts, interfaces};
+use crate::nmea::Heard;
 use crate::pipeline::Pipeline;
 use crate::spool::{self, Entry, Found};
 use crate::storage::Storage;
@@ -155,6 +156,9 @@ impl Reader<'_> {
                     } => pipeline.known(&fired, utc_offset_ns),
                     Entry::ClockStep { at_ns, step_ns } => pipeline.clock_step(at_ns, step_ns),
                     Entry::Note { at_ns, text } => pipeline.remark(at_ns, &text),
+                    Entry::Sentence { at_ns, text } => {
+                        pipeline.heard(at_ns, &Heard::Sentence { at_ns, text });
+                    }
                     _ => {}
                 }
                 self.collect();

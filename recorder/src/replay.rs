@@ -9,6 +9,8 @@ use crate::can::{Frame, FrameSource, Interfaces, SourceHealth};
 use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::event::GroupState;
+use crate::gnss::GnssState;
+use crate::gnss::log::NmeaLog;
 pub use crate::log_source::LogInput;
 use crate::log_source::Merged;
 use crate::pipeline::{Observer, Pipeline, Totals};
@@ -23,6 +25,8 @@ pub struct ReplayOptions<'a> {
     pub trigger_at: Vec<f64>,
     /// Pairs (interface in the log, configured interface).
     pub map: Vec<(String, String)>,
+    /// Sentences of the satellite receiver, where the configuration names its device.
+    pub nmea: Option<LogInput>,
     /// Stop so many seconds after the first frame.
     pub stop_after: Option<f64>,
     /// Takes the sealed records; without one they are only counted.
@@ -46,6 +50,8 @@ pub struct ReplayOutcome {
     pub triggers_left: Vec<f64>,
     /// The measured pace of each signal group: accel, rate, wheel left, wheel right.
     pub groups: [GroupState; 4],
+    /// The satellite receiver; `None` where none is configured.
+    pub gnss: Option<GnssState>,
 }
 
 impl ReplayOutcome {
@@ -79,6 +85,16 @@ pub fn replay(
         &options.trigger_at,
         options.observer,
     );
+    let device = settings.gnss.as_ref().and_then(|gnss| gnss.device());
+    let mut nmea = match (device, options.nmea) {
+        (Some(_), Some(input)) => Some(NmeaLog::open(input)?),
+        (Some(_), None) => {
+            pipeline.without_receiver();
+            None
+        }
+        (None, Some(input)) => return Err(RecorderError::NoReceiver { log: input.name() }),
+        (None, None) => None,
+    };
     let mut sealed = Sealed {
         records: 0,
         incomplete: 0,
@@ -86,8 +102,13 @@ pub fn replay(
     };
     let mut frame = Frame::empty();
     while source.next_frame(&mut frame)? {
+        if let Some(nmea) = &mut nmea {
+            while let Some((at_ns, heard)) = nmea.upto(frame.time_ns)? {
+                pipeline.heard(at_ns, &heard);
+            }
+        }
         pipeline.frame(&frame);
-        sealed.take(&mut pipeline, &source)?;
+        sealed.take(&mut pipeline, &source, nmea.as_ref())?;
         if options
             .stop_after
             .is_some_and(|seconds| pipeline.span_s() > seconds)
@@ -96,8 +117,8 @@ pub fn replay(
         }
     }
     pipeline.finish();
-    sealed.take(&mut pipeline, &source)?;
-    let health = source.health();
+    sealed.take(&mut pipeline, &source, nmea.as_ref())?;
+    let health = source_health(&source, nmea.as_ref());
     if source.frames() == 0 {
         let example = health
             .examples
@@ -115,7 +136,18 @@ pub fn replay(
         source: health,
         triggers_left: pipeline.manual_left(),
         groups: pipeline.groups(),
+        gnss: pipeline.gnss(),
     })
+}
+
+/// What the logs held beside good frames and sentences.
+fn source_health(source: &Merged, nmea: Option<&NmeaLog>) -> SourceHealth {
+    let mut health = source.health();
+    if let Some(other) = nmea.map(NmeaLog::health) {
+        health.malformed += other.malformed;
+        health.examples.extend(other.examples);
+    }
+    health
 }
 
 /// Counts sealed records and hands them on.
@@ -126,15 +158,20 @@ struct Sealed<'a> {
 }
 
 impl Sealed<'_> {
-    fn take(&mut self, pipeline: &mut Pipeline<'_>, source: &Merged) -> Result<(), RecorderError> {
+    fn take(
+        &mut self,
+        pipeline: &mut Pipeline<'_>,
+        source: &Merged,
+        nmea: Option<&NmeaLog>,
+    ) -> Result<(), RecorderError> {
         while let Some(mut record) = pipeline.take_ready() {
             self.records += 1;
             self.incomplete += u64::from(!record.completion.complete);
             record.header.number = self.records;
-            record.header.origin = Origin::Replay {
-                logs: source.source_logs(),
-            };
-            let health = source.health();
+            let mut logs = source.source_logs();
+            logs.extend(nmea.map(NmeaLog::source_log));
+            record.header.origin = Origin::Replay { logs };
+            let health = source_health(source, nmea);
             record.health.malformed += health.malformed;
             record.health.notes.extend(health.examples);
             if let Some(sink) = &mut self.sink {

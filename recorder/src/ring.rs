@@ -10,6 +10,7 @@ use schema::{Packed, Sample};
 
 use crate::bins::{GROUPS, index_of, start_of};
 use crate::can::Frame;
+use crate::gnss::GnssTape;
 use crate::sampler::Closed;
 
 /// Most gaps, clock steps or notes that are kept.
@@ -41,6 +42,8 @@ pub struct Ring {
     aux: VecDeque<(u64, Vec<Option<f64>>)>,
     /// A row of auxiliary values that is no longer needed, to be filled again.
     spare: Option<Vec<Option<f64>>>,
+    /// Satellite fixes and sentences.
+    pub gnss: GnssTape,
     capacity: Option<u64>,
 }
 
@@ -163,6 +166,7 @@ impl Ring {
         self.steps.clear();
         self.notes.clear();
         self.aux.clear();
+        self.gnss.clear();
     }
 
     /// A copy that begins at an index (or at the oldest sample) and grows.
@@ -179,6 +183,7 @@ impl Ring {
             notes: self.notes.clone(),
             aux: self.aux.clone(),
             spare: None,
+            gnss: self.gnss.clone(),
         };
         copy.trim();
         copy
@@ -200,6 +205,7 @@ impl Ring {
         {
             self.steps.pop_front();
         }
+        self.gnss.trim(start_ns);
         while self.notes.front().is_some_and(|(at, _)| *at < start_ns) {
             self.notes.pop_front();
         }

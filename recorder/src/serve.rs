@@ -88,13 +88,26 @@ pub fn serve(
 }
 
 fn open(options: &Options) -> Result<Box<dyn SerialPort>, String> {
-    serialport::new(&options.device, options.baud)
+    open_port(
+        &options.device,
+        options.baud,
+        Duration::from_millis(WAIT_MS),
+    )
+}
+
+/// Opens a serial device for this program alone: 8 data bits, no parity, 1 stop bit, no flow control.
+pub(crate) fn open_port(
+    device: &str,
+    baud: u32,
+    wait: Duration,
+) -> Result<Box<dyn SerialPort>, String> {
+    serialport::new(device, baud)
         .data_bits(DataBits::Eight)
         .parity(Parity::None)
         .stop_bits(StopBits::One)
         .flow_control(FlowControl::None)
         .exclusive(true)
-        .timeout(Duration::from_millis(WAIT_MS))
+        .timeout(wait)
         .open()
         .map_err(|error| format!("open the device: {error}"))
 }

@@ -272,14 +272,8 @@ impl State {
         let (Some(condition), Some(state)) = (rules.can.get(slot), self.can.get_mut(slot)) else {
             return (self, Action::None);
         };
-        let (holds, threshold) = match *condition {
-            Condition::Equals(wanted) => (
-                (value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0),
-                wanted,
-            ),
-            Condition::Above(limit) => (value > limit, limit),
-        };
-        if !holds {
+        let (Condition::Equals(threshold) | Condition::Above(threshold)) = *condition;
+        if !condition.holds(value) {
             if state.held_ns.is_none_or(|held| time_ns - held >= REARM_NS) {
                 state.since_false = true;
             }

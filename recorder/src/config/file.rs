@@ -46,6 +46,7 @@ pub struct Config {
     #[serde(default)]
     pub(crate) run: Run,
     pub(crate) serial: Option<Serial>,
+    pub(crate) gnss: Option<super::gnss::Table>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -17,7 +17,7 @@ pub(crate) struct Mapper<'a> {
     pub(crate) databases: &'a [Vec<Database>],
     /// Sensor fields assigned so far: signal as `bus:message.signal`, its key, bus and id, bits and selectors.
     pub(super) taken: Vec<(String, String, u8, u32, Bits, Vec<Selector>)>,
-    plan: Plan,
+    pub(super) plan: Plan,
 }
 
 impl<'a> Mapper<'a> {
@@ -43,6 +43,7 @@ impl<'a> Mapper<'a> {
             self.wheel(wheels, 1, "wheels.right", &wheels.right)?;
         }
         self.aux()?;
+        self.gnss()?;
         for (slot, trigger) in self.config.trigger.can.iter().enumerate() {
             let found = self.find(&format!("trigger.can[{slot}].signal"), &trigger.signal)?;
             let role = Role::Can {
@@ -232,7 +233,7 @@ impl<'a> Mapper<'a> {
     }
 
     /// Adds a role to the stream it belongs to; axes of one IMU that come in one frame share a stream.
-    fn add(
+    pub(super) fn add(
         &mut self,
         found: &Found<'_>,
         mut role: Role,

@@ -2,7 +2,9 @@
 //! (what is valid). Every error names file, line, what was expected and what was found.
 
 mod bundle;
+mod condition;
 mod file;
+mod gnss;
 mod locate;
 mod mapping;
 mod names;
@@ -11,11 +13,13 @@ mod settings;
 mod units;
 
 pub use bundle::Bundle;
+pub use condition::Condition;
 pub use file::Config;
+pub use gnss::{Device, Gnss, GnssInput, Signals};
 pub use locate::{Place, nearest};
 pub use operation::default_socket;
 pub use operation::{Run, Serial, Spool, Store};
-pub use settings::{Bus, CanTrigger, Condition, Raw, RawFrames, Ring, Settings, Triggers};
+pub use settings::{Bus, CanTrigger, Raw, RawFrames, Ring, Settings, Triggers};
 
 use std::path::PathBuf;
 

@@ -9,7 +9,9 @@ use schema::units::{MetersPerSecond, MetersPerSecondSquared, Radians, RadiansPer
 use sha2::{Digest, Sha256};
 
 use super::ConfigError;
+use super::condition::Condition;
 use super::file::{AxesName, Config, LayoutName, OneOrMany, Threshold};
+use super::gnss::Gnss;
 use super::locate::Source;
 use super::mapping::Mapper;
 use super::operation::{Run, Serial, Spool, Store};
@@ -33,15 +35,6 @@ pub struct Ring {
     pub after: u64,
     /// Layout of the sealed blocks.
     pub layout: Layout,
-}
-
-/// When a CAN signal triggers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Condition {
-    /// The signal equals this value.
-    Equals(f64),
-    /// The signal is above this value.
-    Above(f64),
 }
 
 /// A signal that triggers.
@@ -119,6 +112,8 @@ pub struct Settings {
     pub run: Run,
     /// The read-out over a serial line: `[serial]`.
     pub serial: Option<Serial>,
+    /// The satellite receiver: `[gnss]`.
+    pub gnss: Option<Gnss>,
     /// SHA-256 of the configuration's bytes.
     pub config_sha256: [u8; 32],
 }
@@ -179,6 +174,7 @@ impl Settings {
             spool: check.spool(&config, base_dir)?,
             run: check.run(&config, base_dir)?,
             serial: check.serial(&config)?,
+            gnss: check.gnss(&config)?,
             config_sha256: Sha256::digest(text.as_bytes()).into(),
             plan: Mapper::new(&config, &source, &databases).build()?,
             imu,

@@ -8,6 +8,10 @@ pub(crate) enum Quantity {
     Accel,
     Rate,
     Wheel,
+    Angle,
+    Length,
+    Speed,
+    Time,
 }
 
 /// What a wheel signal counts in.
@@ -28,6 +32,10 @@ impl Quantity {
             Self::Accel => "acceleration (m/s^2, m/s2, g, mg)",
             Self::Rate => "rate (deg/s, rad/s, mdeg/s, mrad/s, rpm)",
             Self::Wheel => "speed (km/h, kph, m/s, mph, rad/s, rpm, pulses)",
+            Self::Angle => "angle (deg, rad, mdeg, mrad)",
+            Self::Length => "length (m, cm, mm, km, ft)",
+            Self::Speed => "speed (m/s, km/h, kn, mph, cm/s, mm/s)",
+            Self::Time => "time (s, ms, us, ns, min, h)",
         }
     }
 }
@@ -78,5 +86,61 @@ pub(crate) fn wheel(unit: &str) -> Option<WheelUnit> {
             Some(WheelUnit::Pulses)
         }
         _ => rate(unit).map(WheelUnit::Rate),
+    }
+}
+
+/// Size of the unit in SI and radians (times in ns), of what a satellite receiver sends.
+pub(crate) fn receiver(quantity: Quantity, unit: &str) -> Option<f64> {
+    let unit = plain(unit);
+    match quantity {
+        Quantity::Angle => angle(&unit),
+        Quantity::Length => length(&unit),
+        Quantity::Speed => speed(&unit),
+        Quantity::Time => time(&unit),
+        Quantity::Accel | Quantity::Rate | Quantity::Wheel => None,
+    }
+}
+
+fn angle(unit: &str) -> Option<f64> {
+    let degree = 1_f64.to_radians();
+    match unit {
+        "deg" | "degree" | "degrees" | "\u{B0}" => Some(degree),
+        "mdeg" => Some(degree / 1000.0),
+        "rad" | "radian" | "radians" => Some(1.0),
+        "mrad" => Some(0.001),
+        _ => None,
+    }
+}
+
+fn length(unit: &str) -> Option<f64> {
+    match unit {
+        "m" | "metre" | "metres" | "meter" | "meters" => Some(1.0),
+        "cm" => Some(0.01),
+        "mm" => Some(0.001),
+        "km" => Some(1000.0),
+        "ft" | "feet" => Some(0.3048),
+        _ => None,
+    }
+}
+
+fn speed(unit: &str) -> Option<f64> {
+    match (unit, wheel(unit)) {
+        ("kn" | "kt" | "kts" | "knot" | "knots", _) => Some(1852.0 / 3600.0),
+        ("cm/s", _) => Some(0.01),
+        ("mm/s", _) => Some(0.001),
+        (_, Some(WheelUnit::Speed(size))) => Some(size),
+        _ => None,
+    }
+}
+
+fn time(unit: &str) -> Option<f64> {
+    match unit {
+        "s" | "sec" | "second" | "seconds" => Some(1e9),
+        "ms" => Some(1e6),
+        "us" | "\u{B5}s" => Some(1e3),
+        "ns" => Some(1.0),
+        "min" => Some(60e9),
+        "h" | "hour" | "hours" => Some(3600e9),
+        _ => None,
     }
 }

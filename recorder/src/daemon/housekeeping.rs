@@ -307,6 +307,7 @@ impl Daemon {
             records: self.records.clone(),
             spool: self.spool_status.1.clone(),
             self_test: self.findings.clone(),
+            gnss: self.gnss_status(),
             alarms: Vec::new(),
         };
         status.alarms = self.alarms(&status);
@@ -372,6 +373,7 @@ impl Daemon {
                 spool.lost_frames
             ));
         }
+        alarms.extend(self.gnss_alarms(status.gnss.as_ref()));
         alarms.extend(self.waiting.clone());
         if self.lost > 0 {
             alarms.push(format!(

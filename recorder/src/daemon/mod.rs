@@ -5,6 +5,7 @@
 //! spool of triggers; hand sealed events to the sealer; flush if it is time. The rest, ten times a second.
 
 pub mod control;
+pub mod gnss;
 mod housekeeping;
 mod keeper;
 pub mod paced;
@@ -35,6 +36,7 @@ use self::status::TriggerStatus;
 use crate::clock::monotonic_ns;
 use crate::config::Settings;
 use crate::error::RecorderError;
+use crate::gnss::line::Line;
 use crate::live::{LiveSource, Note};
 use crate::pipeline::Pipeline;
 use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Moment, Syncer};
@@ -62,6 +64,8 @@ struct Daemon {
     bundle: [u8; 32],
     pipeline: Pipeline<'static>,
     source: Box<dyn LiveSource>,
+    /// The line of the satellite receiver.
+    gnss: Option<Line>,
     journal: Journal,
     syncer: Option<Syncer>,
     spool_error: Option<String>,
@@ -136,6 +140,7 @@ impl Daemon {
         while let Some(note) = self.source.next_note() {
             self.note(note);
         }
+        self.hear(now);
         self.pipeline.tick(now);
         self.listen(now);
         self.triggers();
@@ -328,6 +333,7 @@ impl Daemon {
                 });
                 self.urgent = true;
                 *self.self_test.borrow_mut() = SelfTest::new(&settings);
+                self.reload_line(&settings);
                 self.settings = settings;
                 say::info("the configuration was read again");
             }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use schema::parts::TriggerKind;
 use serde::{Deserialize, Serialize};
 
+use super::gnss::GnssStatus;
 use crate::live::InterfaceState;
 
 /// The daemon's state.
@@ -40,6 +41,9 @@ pub struct Status {
     pub spool: SpoolStatus,
     /// Result of the last self-test, one sentence each; empty before the first.
     pub self_test: Vec<String>,
+    /// The satellite receiver, where one is configured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gnss: Option<GnssStatus>,
     /// What needs somebody's attention, one sentence each.
     pub alarms: Vec<String>,
 }
@@ -227,6 +231,9 @@ impl Status {
                     &interface.stamps
                 }
             )?;
+        }
+        if let Some(gnss) = &self.gnss {
+            gnss.write_line(out)?;
         }
         self.write_totals(out)?;
         let records = &self.records;

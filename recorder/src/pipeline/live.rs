@@ -12,6 +12,7 @@ use crate::bins::index_of;
 use crate::config::Settings;
 use crate::decode::Decoder;
 use crate::event::Facts;
+use crate::gnss::Receiver;
 use crate::pace::Pace;
 use crate::ring::RawRing;
 use crate::sampler::Sampler;
@@ -296,6 +297,11 @@ impl Pipeline<'_> {
         self.paces = [const { Pace::new() }; 4];
         self.aux.clear();
         self.ring.forget_aux();
+        if settings.gnss != self.settings.gnss {
+            // Another receiver, or none: what is there would be told under the wrong name, or at all.
+            self.ring.gnss.clear();
+            self.gnss = settings.gnss.as_ref().map(Receiver::new);
+        }
         self.ring
             .set_capacity(settings.ring.before + settings.ring.after);
         self.settings = settings;

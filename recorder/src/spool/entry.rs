@@ -3,6 +3,7 @@
 use schema::parts::TriggerKind;
 
 use crate::can::{Frame, MAX_DATA};
+use crate::nmea::Text;
 use crate::trigger::Fired;
 
 /// Longest text of a note or name, bytes; longer ones are cut.
@@ -43,6 +44,14 @@ pub enum Entry {
         at_ns: i64,
         /// What.
         text: String,
+    },
+    /// A sentence of the satellite receiver, of a kind that is kept. Of version 1 of the spool like all others: a program
+    /// that does not know it can not read the configuration that asks for it either.
+    Sentence {
+        /// When its first byte came.
+        at_ns: i64,
+        /// The sentence.
+        text: Text,
     },
     /// The event whose triggers fell between these times is sealed and on disk.
     Sealed {
@@ -90,6 +99,7 @@ impl Entry {
             Self::Session { at_ns, .. }
             | Self::ClockStep { at_ns, .. }
             | Self::Note { at_ns, .. }
+            | Self::Sentence { at_ns, .. }
             | Self::Counts { at_ns, .. }
             | Self::Closed { at_ns }
             | Self::End { at_ns } => *at_ns,
@@ -107,6 +117,7 @@ const SEALED: u8 = 6;
 const COUNTS: u8 = 7;
 const END: u8 = 8;
 const CLOSED: u8 = 9;
+const SENTENCE: u8 = 10;
 
 /// Bytes of a frame's entry before its payload.
 const FRAME_HEAD: usize = 12;
@@ -172,6 +183,12 @@ pub(super) fn put(out: &mut Vec<u8>, entry: &Entry) {
             }
             let bytes = text.as_bytes().get(..end).unwrap_or_default();
             out.extend(u16::try_from(bytes.len()).unwrap_or(0).to_le_bytes());
+            out.extend(bytes);
+        }
+        Entry::Sentence { at_ns, text } => {
+            head(out, SENTENCE, *at_ns);
+            let bytes = text.as_bytes();
+            out.push(u8::try_from(bytes.len()).unwrap_or(0));
             out.extend(bytes);
         }
         Entry::Sealed { first_ns, last_ns } => {
@@ -300,6 +317,15 @@ impl<'a> Entries<'a> {
                     text: String::from_utf8_lossy(text).into_owned(),
                 }
             }
+            SENTENCE => {
+                let [length] = self.take()?;
+                let (text, rest) = self.rest.split_at_checked(usize::from(length))?;
+                self.rest = rest;
+                Entry::Sentence {
+                    at_ns,
+                    text: Text::new(text)?,
+                }
+            }
             SEALED => Entry::Sealed {
                 first_ns: at_ns,
                 last_ns: self.long()?,
@@ -338,85 +364,4 @@ pub(super) const LARGEST: usize = 1 + 8 + 2 + LONGEST_TEXT;
 const _: () = assert!(LARGEST >= FRAME_HEAD + MAX_DATA);
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn entries_come_back() {
-        let frame = Frame::new(1_000_000_123, 1, 0x8000_1234, 0x81, &[1, 2, 3]);
-        let fired = Fired {
-            kind: TriggerKind::DeltaV,
-            monotonic_ns: 77,
-            index: 0,
-            value: 2.5,
-            threshold: 2.2,
-            source: 1,
-        };
-        let others = [
-            Entry::Session {
-                at_ns: -5,
-                bundle: [7; 32],
-                utc_offset_ns: 5,
-            },
-            Entry::Trigger {
-                fired,
-                utc_offset_ns: -6,
-            },
-            Entry::ClockStep {
-                at_ns: 1,
-                step_ns: -3_600_000_000_000,
-            },
-            Entry::Note {
-                at_ns: 2,
-                text: "can0 går ned".to_owned(),
-            },
-            Entry::Sealed {
-                first_ns: 9,
-                last_ns: 10,
-            },
-            Entry::Counts {
-                at_ns: 4,
-                bundle: [3; 32],
-                clock: 2,
-                uncertainty_ns: None,
-                dropped: 5,
-                error_frames: 6,
-                utc_offset_ns: -7,
-            },
-            Entry::Closed { at_ns: 7 },
-            Entry::End { at_ns: 8 },
-        ];
-        let mut bytes = Vec::new();
-        assert!(put_frame(&mut bytes, 1_000_000_000, &frame));
-        for entry in &others {
-            put(&mut bytes, entry);
-        }
-        let mut read = Entries::new(&bytes, 1_000_000_000);
-        assert_eq!(read.next(), Some(Entry::Frame(frame)));
-        for entry in others {
-            assert_eq!(read.next(), Some(entry));
-        }
-        assert_eq!(read.next(), None);
-        assert!(!put_frame(&mut bytes, 9_000_000_000, &frame), "too far");
-    }
-
-    #[test]
-    fn any_cut_of_a_payload_gives_whole_entries_only() {
-        let mut bytes = Vec::new();
-        let frame = Frame::new(5, 0, 0x10, 0, &[1; 8]);
-        assert!(put_frame(&mut bytes, 0, &frame));
-        put(
-            &mut bytes,
-            &Entry::Note {
-                at_ns: 2,
-                text: "x".repeat(1000),
-            },
-        );
-        assert!(bytes.len() <= LARGEST + frame_bytes(&frame));
-        for end in 0..=bytes.len() {
-            let read: Vec<Entry> = Entries::new(&bytes[..end], 0).collect();
-            let whole = usize::from(end >= frame_bytes(&frame)) + usize::from(end == bytes.len());
-            assert_eq!(read.len(), whole, "{end}");
-        }
-    }
-}
+mod tests;

@@ -37,6 +37,8 @@ use crate::config::Settings;
 pub const EVENT_LOSS_NS: i64 = 50_000_000;
 /// Time between two flushes while an event runs, ns.
 pub const EVENT_FLUSH_NS: i64 = 15_000_000;
+/// Bytes of sentences that a block holds at the least.
+const SENTENCES_A_BLOCK: i64 = 3000;
 
 /// Blocks that hold everything an event may need: what lies before its first trigger, 120 s of triggers, 20 s of tail
 /// and the next event that began meanwhile, one block a flush.
@@ -51,6 +53,13 @@ pub fn blocks_for(settings: &Settings) -> u64 {
     let event_ns = samples_ns(settings.ring.after).saturating_add(145_000_000_000);
     let flush_ns = settings.spool.flush_ns.max(1);
     let event_flush_ns = flush_ns.min(EVENT_FLUSH_NS);
-    let blocks = before_ns / flush_ns + event_ns / event_flush_ns + 64;
+    // What a full line of the satellite receiver adds: ten bits a byte, each sentence with its head.
+    let line = settings.gnss.as_ref().and_then(|gnss| gnss.device());
+    let sentences = line.map_or(0, |device| {
+        let bytes =
+            i64::from(device.baud / 10).saturating_mul((before_ns + event_ns) / 1_000_000_000);
+        bytes / SENTENCES_A_BLOCK
+    });
+    let blocks = before_ns / flush_ns + event_ns / event_flush_ns + sentences + 64;
     u64::try_from(blocks).unwrap_or(0)
 }
