@@ -108,14 +108,12 @@ fn placed(add: &mut impl FnMut(&str, String), r: &Reconstruction, gnss: &Anchore
 pub(crate) fn line(gnss: &Anchored, confidence: f64) -> String {
     match &gnss.pose {
         Some(pose) => format!(
-            "rest {:.5}, {:.5} (within {:.1} m), heading {:.1} +-{:.1} deg; {} of {} fixes",
+            "rest {:.5}, {:.5} to {:.1} m, heading {:.1} +-{:.1} deg",
             pose.rest.latitude_deg,
             pose.rest.longitude_deg,
             ellipse_radius(confidence) * pose.rest.sd_m,
             pose.rest.heading_deg,
-            two_sided_quantile(confidence) * pose.rest.sd_deg,
-            gnss.used,
-            gnss.offered
+            two_sided_quantile(confidence) * pose.rest.sd_deg
         ),
         None => "the fixes do not tell where".to_owned(),
     }

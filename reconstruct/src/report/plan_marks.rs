@@ -350,12 +350,15 @@ pub(crate) fn legend(svg: &mut Svg, r: &Reconstruction, view: View, [x, y]: [f64
         "fill=\"#333\"",
         "metres from the place of rest; dots are full seconds from the trigger",
     );
+    let fixes = r.gnss.as_ref().is_some_and(|g| !g.residuals.is_empty());
     let mut entries: Vec<(&str, String)> = vec![("approach", "path".to_owned())];
     if r.braking.is_some() {
         entries.push(("braking", "braking".to_owned()));
     }
     if !r.impacts.is_empty() {
-        entries.push(("after", "after impact".to_owned()));
+        // With fixes there is no room for both words.
+        let after = if fixes { "after" } else { "after impact" };
+        entries.push(("after", after.to_owned()));
     }
     entries.push(("funnel", "funnel".to_owned()));
     entries.push((
@@ -365,7 +368,7 @@ pub(crate) fn legend(svg: &mut Svg, r: &Reconstruction, view: View, [x, y]: [f64
     if !r.details.paths.places.is_empty() {
         entries.push(("sample", "samples".to_owned()));
     }
-    if r.gnss.as_ref().is_some_and(|g| !g.residuals.is_empty()) {
+    if fixes {
         entries.push(("fix", "fixes".to_owned()));
     }
     let mut at = x;
