@@ -102,12 +102,17 @@ fn marks_comments_blank_lines_and_line_ends_are_let_pass() {
         let text = motion_text(&motions(), layout);
         let dressed =
             format!("\u{feff}# a comment\n\n  % another\n{text}\n   \n#end").replace('\n', "\r\n");
-        assert_eq!(motions_of(&dressed).unwrap(), plain);
+        let mut found = motions_of(&dressed).unwrap();
         let small = BufReader::with_capacity(7, dressed.as_bytes());
         assert_eq!(
             read_motions(small, "imu.txt", Tolerance::Strict).unwrap(),
-            plain
+            found
         );
+        // Three lines stand before; everything else is the same.
+        for line in &mut found.lines {
+            *line -= 3;
+        }
+        assert_eq!(found, plain);
     }
 }
 
