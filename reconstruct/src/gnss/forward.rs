@@ -33,10 +33,13 @@ const STAND_SPEED_SD: f64 = 0.02;
 /// Time between two uses of standstill, s.
 const STAND_INTERVAL_S: f64 = 0.2;
 /// Time at either end of a stand in which the car may rock or still or already roll, s: the detector hears that no better.
-/// Force and rate tell of level and bias only between those ends; speed counts as [`creep_sd`] has it.
+/// Speed, force and rate count the less the nearer the end, see [`near`].
 const SPRINGS_S: f64 = 1.5;
 /// Speed that the detector may take for a stand, m/s, one sigma at its very end: a car creeps that fast on a smooth road.
 const CREEP_SD: f64 = 0.3;
+/// What it brakes or pulls off with there, m/s^2, and how fast its body nods as it pulls off, rad/s.
+const PULL_SD: f64 = 0.5;
+const NOD_SD: f64 = 0.01;
 /// What the body of a standing car turns, rad/s.
 const STILL_RATE_SD: f64 = 5e-4;
 /// Mean of a level accelerometer at rest beside its noise, m/s^2.
@@ -361,16 +364,17 @@ impl<'a> Runner<'a> {
         self.stood_s.min(left).min(SPRINGS_S)
     }
 
-    /// Zero velocity; well within the stand, where the car neither rocks nor rolls, the mean force since the last use is
-    /// gravity and the mean rate the gyros' bias.
+    /// Zero velocity; the mean force since the last use is gravity; once the springs are still, the mean rate is the gyros'
+    /// bias.
     fn stand(&mut self, k: usize) {
-        let edge = self.edge(k);
+        let near = near(self.edge(k));
         for axis in 0..3 {
-            let z = measure::standstill(&self.run.nominal, axis, creep_sd(edge));
+            let z = measure::standstill(
+                &self.run.nominal,
+                axis,
+                STAND_SPEED_SD.hypot(CREEP_SD * near),
+            );
             self.bind(z, f64::INFINITY);
-        }
-        if edge < SPRINGS_S {
-            return;
         }
         let from = self.drive.periods[..=k]
             .iter()
@@ -381,25 +385,30 @@ impl<'a> Runner<'a> {
         let accel = window.iter().map(|p| p.accel).sum::<Vector3<f64>>() / n;
         let rate = window.iter().map(|p| p.rate).sum::<Vector3<f64>>() / n;
         for axis in 0..3 {
-            let sd = (self.sheet.still_accel[axis] / n.sqrt()).hypot(LEVEL_SD);
+            let sd = (self.sheet.still_accel[axis] / n.sqrt())
+                .hypot(LEVEL_SD)
+                .hypot(PULL_SD * near);
             let z = measure::levelling(&self.run.nominal, &accel, self.earth.gravity, axis, sd);
             self.bind(z, 4.0 * GATE);
         }
+        if self.stood_s < SPRINGS_S {
+            return;
+        }
         for axis in 0..3 {
             let found = self.run.nominal.rate(&rate, &self.earth).v[axis];
-            let sd = (self.sheet.still_rate[axis] / n.sqrt()).hypot(STILL_RATE_SD);
+            let sd = (self.sheet.still_rate[axis] / n.sqrt())
+                .hypot(STILL_RATE_SD)
+                .hypot(NOD_SD * near);
             let z = measure::rest_rate(found, axis, sd);
             self.bind(z, 4.0 * GATE);
         }
     }
 }
 
-/// Speed of a car said to stand, one sigma of one use, m/s, `edge` s from the nearer end of the stand. The uses near an end
-/// are wrong together: each counts as its share of one.
-fn creep_sd(edge: f64) -> f64 {
-    let uses = SPRINGS_S / STAND_INTERVAL_S;
-    let near = (1.0 - edge / SPRINGS_S).max(0.0);
-    STAND_SPEED_SD.hypot(CREEP_SD * near * uses.sqrt())
+/// How much of what a car may do at the very end of a stand counts `edge` s from it. The uses near an end are wrong
+/// together: each is a share of one.
+fn near(edge: f64) -> f64 {
+    (1.0 - edge / SPRINGS_S).max(0.0) * (SPRINGS_S / STAND_INTERVAL_S).sqrt()
 }
 
 /// A turn of the whole motion about the vertical by a radian, as errors: `psi = z`, `dv = -z x v`.
