@@ -127,6 +127,41 @@ fn bounds_are_honest_with_a_fix_each_second() {
     }
 }
 
+/// A detector that takes a creeping car for a standing one, up to 0.6 m/s, must not pull the track off.
+#[test]
+fn a_stand_that_creeps_at_its_ends_does_no_harm() {
+    let sheet = BoxSheet::default();
+    let seeds: Vec<u64> = (1..=10).collect();
+    let sums = workers::run(
+        &seeds,
+        threads(),
+        |seed| {
+            let city = city::drive(*seed, 200.0, &sheet).unwrap();
+            let whole = drive(&city, &sheet).unwrap();
+            let found = Detector::default().detect(&whole);
+            let creeps: Vec<bool> = city.truth.iter().map(|t| t.v_n.xy().norm() < 0.6).collect();
+            let known = Sheet::default().heard(&whole, &found);
+            let start = Start::at_first_course(&whole, &creeps).unwrap();
+            let passed = forward::run(&whole, &creeps, &known, &start).unwrap();
+            let (mut sum, mut n) = (0.0, 0.0);
+            for (e, truth) in smooth(&passed)
+                .iter()
+                .zip(&city.truth[passed.first..])
+                .skip(500)
+            {
+                let d = truth.place.to(&e.place).xy();
+                sum += (d.transpose() * e.horizontal().try_inverse().unwrap() * d)[0] / 2.0;
+                n += 1.0;
+            }
+            [sum, n]
+        },
+        |_| (),
+    );
+    let nees = sums.iter().map(|s| s[0]).sum::<f64>() / sums.iter().map(|s| s[1]).sum::<f64>();
+    println!("stands up to 0.6 m/s: NEES/n of the place {nees:.2}");
+    assert!(nees < 1.6, "{nees}");
+}
+
 /// At full seconds against a true speed of 0.2 m/s [S00, 4.3].
 #[test]
 fn stands_are_found() {

@@ -11,6 +11,7 @@ use reconstruct::gnss::drive::{Drive, Fixed, Stamped};
 use reconstruct::gnss::forward::{self, Start};
 use reconstruct::gnss::published::{self, GnssFix, ImuSample, Initial, Input, Options};
 use reconstruct::gnss::sheet::Sheet;
+use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stop::{self, Detector, ENTRY_S, EXIT_S, REPORTED_S};
 use reconstruct::wgs84::Geodetic;
 use schema::num;
@@ -264,5 +265,69 @@ fn errors_at_the_end_of_outages() {
     // Measured: 0.02 to 0.14 of the published filter's.
     for row in sums {
         assert!(row[0] < 0.25 * row[1], "{sums:?}");
+    }
+}
+
+/// Noise of mean 0 and deviation 1: twelve uniform numbers.
+fn noise(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        num::real_i64(i64::try_from(*state >> 34).unwrap()) / num::real_i64(1 << 30)
+    };
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
+/// The laboratory car rolls slowly into its stands and softly out of them: what the detector takes for a stand there must not
+/// move the track away. The sheet is the one that `gnss run` has.
+#[test]
+fn soft_stands_leave_the_bounds_honest() {
+    let Some(real) = Real::read("wid08", 1_700_000_000, true, Some([2.0, 12.0])) else {
+        return;
+    };
+    for seed in 1..=5 {
+        let mut state = seed;
+        let mut whole = real.drive();
+        for fix in &mut whole.fixes {
+            fix.place = fix
+                .place
+                .moved(&Vector3::from_fn(|_, _| 0.5 * noise(&mut state)));
+            fix.place_sd = Vector3::repeat(0.5);
+            fix.v_n = fix
+                .v_n
+                .map(|v| v + Vector3::from_fn(|_, _| 0.15 * noise(&mut state)));
+        }
+        let mut means = [[0.0; 2]; 3];
+        for (row, every) in [1.0, 5.0, 10.0].into_iter().enumerate() {
+            let part = whole.thinned(every);
+            let found = Detector::default().detect(&part);
+            let standing = Detector::hindsight(&part, &found, ENTRY_S, EXIT_S);
+            let start = Start::at_first_course(&part, &standing).unwrap();
+            let sheet = Sheet::default().heard(&part, &found);
+            let passed = forward::run(&part, &standing, &sheet, &start).unwrap();
+            let tracks = [passed.estimates.clone(), smooth(&passed)];
+            for (track, mean) in tracks.iter().zip(&mut means[row]) {
+                let off: Vec<(f64, bool)> = track
+                    .iter()
+                    .step_by(50)
+                    .filter_map(|e| {
+                        let d = (ORIGIN.to(&e.place) - real.place(e.t_s)?).xy();
+                        Some((d.norm(), e.holds(&d, 0.95)))
+                    })
+                    .collect();
+                let n = num::real(off.len());
+                let inside = num::real(off.iter().filter(|o| o.1).count()) / n;
+                *mean = off.iter().map(|o| o.0).sum::<f64>() / n;
+                println!(
+                    "seed {seed}, a fix each {every:2} s: mean {mean:.2} m, inside {inside:.2}"
+                );
+                assert!(inside >= 0.85, "seed {seed}, each {every} s: {inside}");
+            }
+        }
+        let [_, five, ten] = means;
+        for (five, ten) in five.into_iter().zip(ten) {
+            assert!(five < 2.0 * ten + 3.0, "seed {seed}: {means:?}");
+        }
     }
 }

@@ -172,8 +172,10 @@ fn refined(args: &Args, whole: &Drive, speeds: Vec<Speed>) -> Result<Reckoned, C
         smooth(&passed)
     };
     let f = &passed.fixes;
-    let said =
-        json!({ "offered": f.offered, "used": f.used, "refused": f.refused, "forced": f.forced });
+    let said = json!({
+        "offered": f.offered, "used": f.used, "refused": f.refused, "forced": f.forced,
+        "speeds_refused": f.speeds_refused, "speeds_forced": f.speeds_forced,
+    });
     let fate = |fix: &Fixed| {
         let at = passed.fates.partition_point(|x| x.0 < fix.t_s);
         let own = passed.fates.get(at).filter(|x| x.0 <= fix.t_s);

@@ -32,8 +32,15 @@ const GATE: f64 = 13.8;
 const STAND_SPEED_SD: f64 = 0.02;
 /// Time between two uses of standstill, s.
 const STAND_INTERVAL_S: f64 = 0.2;
-/// Time in which a car that has stopped still rocks, s, and what its body turns after that, rad/s.
+/// Time at either end of a stand in which the car may rock or still or already roll, s: the detector hears that no better.
+/// Speed, force and rate count the less the nearer the end, see [`near`].
 const SPRINGS_S: f64 = 1.5;
+/// Speed that the detector may take for a stand, m/s, one sigma at its very end: a car creeps that fast on a smooth road.
+const CREEP_SD: f64 = 0.3;
+/// What it brakes or pulls off with there, m/s^2, and how fast its body nods as it pulls off, rad/s.
+const PULL_SD: f64 = 0.5;
+const NOD_SD: f64 = 0.01;
+/// What the body of a standing car turns, rad/s.
 const STILL_RATE_SD: f64 = 5e-4;
 /// Mean of a level accelerometer at rest beside its noise, m/s^2.
 const LEVEL_SD: f64 = 0.02;
@@ -61,12 +68,14 @@ pub struct Passed {
 
 struct Runner<'a> {
     drive: &'a Drive,
+    standing: &'a [bool],
     sheet: &'a Sheet,
     run: Running,
     anchor: Geodetic,
     earth: Earth,
     last_fix_t: Option<f64>,
     refused: u32,
+    speeds_refused: u32,
     inflate: f64,
     since_slip_s: f64,
     since_stand_s: f64,
@@ -100,7 +109,7 @@ pub fn run(
             ),
         });
     }
-    let mut runner = Runner::new(drive, sheet, start);
+    let mut runner = Runner::new(drive, standing, sheet, start);
     let prior = runner.run.p;
     let count = drive.periods.len() - start.first;
     let (mut steps, mut anchors, mut estimates) = (
@@ -173,7 +182,7 @@ pub fn run(
 }
 
 impl<'a> Runner<'a> {
-    fn new(drive: &'a Drive, sheet: &'a Sheet, start: &Start) -> Self {
+    fn new(drive: &'a Drive, standing: &'a [bool], sheet: &'a Sheet, start: &Start) -> Self {
         let [roll, pitch, heading] = start.angles;
         let mut cal = nalgebra::SVector::<f64, PARAMS>::zeros();
         cal[SLIP_GRADIENT - STATES] = sheet.tuning.slip_gradient[0];
@@ -190,12 +199,14 @@ impl<'a> Runner<'a> {
         };
         Self {
             drive,
+            standing,
             sheet,
             run: Running::new(&nominal, &prior(sheet, start, &nominal)),
             anchor: start.place,
             earth: Earth::at(start.place.latitude, 0.0),
             last_fix_t: None,
             refused: 0,
+            speeds_refused: 0,
             inflate: 1.0,
             since_slip_s: 0.0,
             since_stand_s: 0.0,
@@ -341,11 +352,28 @@ impl<'a> Runner<'a> {
         self.bind(z, 2.0 * GATE);
     }
 
+    /// Time from `k` to the nearer end of its stand, s, up to [`SPRINGS_S`]; the end of the drive is one.
+    fn edge(&self, k: usize) -> f64 {
+        let t_s = self.drive.periods[k].t_s;
+        let left = self.drive.periods[k..]
+            .iter()
+            .zip(&self.standing[k..])
+            .take_while(|(p, still)| **still && p.t_s < t_s + SPRINGS_S)
+            .last()
+            .map_or(0.0, |(p, _)| p.t_s + p.dt - t_s);
+        self.stood_s.min(left).min(SPRINGS_S)
+    }
+
     /// Zero velocity; the mean force since the last use is gravity; once the springs are still, the mean rate is the gyros'
     /// bias.
     fn stand(&mut self, k: usize) {
+        let near = near(self.edge(k));
         for axis in 0..3 {
-            let z = measure::standstill(&self.run.nominal, axis, STAND_SPEED_SD);
+            let z = measure::standstill(
+                &self.run.nominal,
+                axis,
+                STAND_SPEED_SD.hypot(CREEP_SD * near),
+            );
             self.bind(z, f64::INFINITY);
         }
         let from = self.drive.periods[..=k]
@@ -357,7 +385,9 @@ impl<'a> Runner<'a> {
         let accel = window.iter().map(|p| p.accel).sum::<Vector3<f64>>() / n;
         let rate = window.iter().map(|p| p.rate).sum::<Vector3<f64>>() / n;
         for axis in 0..3 {
-            let sd = (self.sheet.still_accel[axis] / n.sqrt()).hypot(LEVEL_SD);
+            let sd = (self.sheet.still_accel[axis] / n.sqrt())
+                .hypot(LEVEL_SD)
+                .hypot(PULL_SD * near);
             let z = measure::levelling(&self.run.nominal, &accel, self.earth.gravity, axis, sd);
             self.bind(z, 4.0 * GATE);
         }
@@ -366,11 +396,19 @@ impl<'a> Runner<'a> {
         }
         for axis in 0..3 {
             let found = self.run.nominal.rate(&rate, &self.earth).v[axis];
-            let sd = (self.sheet.still_rate[axis] / n.sqrt()).hypot(STILL_RATE_SD);
+            let sd = (self.sheet.still_rate[axis] / n.sqrt())
+                .hypot(STILL_RATE_SD)
+                .hypot(NOD_SD * near);
             let z = measure::rest_rate(found, axis, sd);
             self.bind(z, 4.0 * GATE);
         }
     }
+}
+
+/// How much of what a car may do at the very end of a stand counts `edge` s from it. The uses near an end are wrong
+/// together: each is a share of one.
+fn near(edge: f64) -> f64 {
+    (1.0 - edge / SPRINGS_S).max(0.0) * (SPRINGS_S / STAND_INTERVAL_S).sqrt()
 }
 
 /// A turn of the whole motion about the vertical by a radian, as errors: `psi = z`, `dv = -z x v`.

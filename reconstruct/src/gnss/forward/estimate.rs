@@ -98,6 +98,10 @@ pub struct FixUse {
     pub refused: u64,
     /// Positions taken in with wide noise after refusals in a row.
     pub forced: u64,
+    /// Velocities of which a component was refused.
+    pub speeds_refused: u64,
+    /// Velocities of which one was taken in with wide noise after refusals in a row.
+    pub speeds_forced: u64,
 }
 
 /// The state in geodetic terms; `rate_bias`, (rad/s)^2, are the variances of the gyro biases; `mounting_roll`, rad, is added

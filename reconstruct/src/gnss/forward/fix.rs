@@ -11,7 +11,7 @@ use crate::refined::running::Running;
 use crate::refined::states::Row;
 use crate::refined::tape::Source;
 
-/// Refusals of a position in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
+/// Refusals of a position, or of a velocity, in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
 const PATIENCE: u32 = 3;
 
 impl Runner<'_> {
@@ -100,12 +100,14 @@ impl Runner<'_> {
         let rate = nominal.rate(&period.rate, &self.earth).v;
         let lever = nominal.nav.c_nb.m * rate.cross(&self.sheet.antenna);
         let sd = fix.v_sd.zip_map(&self.sheet.fix_speed_floor, f64::max);
+        let force = self.speeds_refused >= PATIENCE;
+        let mut refused = false;
         for axis in 0..3 {
             let mut h = Row::zeros();
             h[VEL + axis] = 1.0;
             h.fixed_rows_mut::<3>(ATT)
                 .copy_from(&skew(&lever).row(axis).transpose());
-            let z = Scalar {
+            let mut z = Scalar {
                 source: Source::Fix,
                 residual: self.run.nominal.nav.v_n.v[axis] + lever[axis]
                     - a_n[axis] * age
@@ -113,7 +115,20 @@ impl Runner<'_> {
                 h,
                 r: sd[axis].powi(2) * self.inflate + (0.3 * age).powi(2),
             };
-            self.run.apply(&z, GATE);
+            if !self.run.apply(&z, GATE) {
+                refused = true;
+                if force {
+                    z.r += z.residual.powi(2);
+                    self.run.apply(&z, f64::INFINITY);
+                }
+            }
         }
+        self.use_of.speeds_refused += u64::from(refused && !force);
+        self.use_of.speeds_forced += u64::from(refused && force);
+        self.speeds_refused = if refused && !force {
+            self.speeds_refused + 1
+        } else {
+            0
+        };
     }
 }
