@@ -17,7 +17,7 @@
 //! 8. [`drive`]: the same input as our filter takes it, [`sheet`]: what it takes for granted, [`stop`]: does the car stand.
 //! 9. [`logs`]: rows to either filter, and a simulated drive to rows.
 //! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
-//! 11. [`reference`]: how far a track is from a reference receiver, [`stands`]: how often a stop detector is wrong.
+//! 11. [`reference`](mod@reference): how far a track is from a reference receiver, [`stands`]: how often a stop detector is wrong.
 //! 12. [`trial`]: fixes withheld as in S00; [`experiments`] on simulated drives, [`outages`] on logs; [`pictures`] of all.
 //! 13. [`analyse`]: what the logs tell of receiver and sensors, chapter 4 of S00 for any log.
 
