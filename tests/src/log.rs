@@ -79,6 +79,26 @@ pub fn unpack(data: &[u8], step: f64) -> ([f64; 3], u64) {
     ([axis(0), axis(1), axis(2)], word >> 60)
 }
 
+/// Pairs of IMU frames of a recording (ids 120 and 121): number of the second frame from 1, seconds since `zero_s`,
+/// specific force, m/s^2, and rate, rad/s, in the sensor's axes.
+pub fn imu(text: &[u8], zero_s: i64) -> Vec<(u64, f64, [f64; 3], [f64; 3])> {
+    let (mut force, mut out) = (None, Vec::new());
+    for (number, line) in (1..).zip(read(text)) {
+        match line.id.as_str() {
+            "120" => force = Some(unpack(&line.data, 0.002).0),
+            "121" => {
+                if let Some(accel) = force.take() {
+                    let t = num::real_i64(line.time_ns - zero_s * 1_000_000_000) * 1e-9;
+                    let rate = unpack(&line.data, 0.002).0.map(f64::to_radians);
+                    out.push((number, t, accel, rate));
+                }
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
 /// The other way about.
 pub fn pack(values: [f64; 3], step: f64, counter: u64) -> Vec<u8> {
     let mut word = (counter & 15) << 60;

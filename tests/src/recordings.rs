@@ -67,6 +67,12 @@ pub fn at(rows: &[Vec<f64>], t: f64, column: usize) -> Option<f64> {
     Some(a[column] + part * (b[column] - a[column]))
 }
 
+/// North, east, down of a table of time, north, east and up; `None` outside it and where one is missing.
+pub fn place(rows: &[Vec<f64>], t: f64) -> Option<[f64; 3]> {
+    let part = |column: usize| at(rows, t, column).filter(|x| x.is_finite());
+    Some([part(1)?, part(2)?, -part(3)?])
+}
+
 /// Median of the values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();

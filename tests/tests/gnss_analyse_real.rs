@@ -75,31 +75,16 @@ struct Real {
 /// The log's own axes, 100 Hz; the reference once a second, and the same fixes, late, as those of the box.
 fn read(name: &str, zero_s: i64) -> Option<Real> {
     let text = recordings::log(name)?;
-    let (mut force, mut motions) = (None, Vec::new());
-    for (number, line) in (1..).zip(log::read(&text)) {
-        let t = num::real_i64(line.time_ns - zero_s * 1_000_000_000) * 1e-9;
-        match line.id.as_str() {
-            "120" => force = Some(log::unpack(&line.data, 0.002).0),
-            "121" => {
-                if let Some(accel) = force.take() {
-                    let rate = log::unpack(&line.data, 0.002).0.map(f64::to_radians);
-                    let row = Motion {
-                        head: head(2, t),
-                        accel,
-                        rate,
-                    };
-                    motions.push((number, row));
-                }
-            }
-            _ => {}
-        }
-    }
+    let motions: Vec<(u64, Motion)> = log::imu(&text, zero_s)
+        .into_iter()
+        .map(|(number, t, accel, rate)| {
+            let head = head(2, t);
+            (number, Motion { head, accel, rate })
+        })
+        .collect();
     let columns = ["t_s", "ref_n_m", "ref_e_m", "ref_u_m"];
     let truth = recordings::table(&format!("{name}.truth.csv"), &columns)?;
-    let place = |t: f64| {
-        let at = |c: usize| recordings::at(&truth, t, c).filter(|x| x.is_finite());
-        Some(Vector3::new(at(1)?, at(2)?, -at(3)?))
-    };
+    let place = |t: f64| recordings::place(&truth, t).map(Vector3::from);
     let (mut fixes, mut reference) = (Vec::new(), Vec::new());
     for t in 1..num::round_i64(motions.last()?.1.head.obu_s) {
         let t = num::real_i64(t);

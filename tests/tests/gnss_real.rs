@@ -34,8 +34,6 @@ struct Real {
 impl Real {
     fn read(name: &str, zero_s: i64, left: bool, still: Option<[f64; 2]>) -> Option<Self> {
         let text = recordings::log(name)?;
-        let mut raw: Vec<Stamped> = Vec::new();
-        let mut force = None;
         let axes = |v: [f64; 3]| {
             let v = Vector3::from(v);
             if left {
@@ -44,19 +42,10 @@ impl Real {
                 v
             }
         };
-        for line in log::read(&text) {
-            let t = num::real_i64(line.time_ns - zero_s * 1_000_000_000) * 1e-9;
-            match line.id.as_str() {
-                "120" => force = Some(axes(log::unpack(&line.data, 0.002).0)),
-                "121" => {
-                    if let Some(f) = force.take() {
-                        let w = axes(log::unpack(&line.data, 0.002).0).map(f64::to_radians);
-                        raw.push((t, f, w));
-                    }
-                }
-                _ => {}
-            }
-        }
+        let raw: Vec<Stamped> = log::imu(&text, zero_s)
+            .into_iter()
+            .map(|(_, t, force, rate)| (t, axes(force), axes(rate)))
+            .collect();
         let mut samples: Vec<Stamped> = raw
             .chunks_exact(2)
             .map(|p| (p[1].0, (p[0].1 + p[1].1) / 2.0, (p[0].2 + p[1].2) / 2.0))
@@ -85,8 +74,7 @@ impl Real {
     }
 
     fn place(&self, t: f64) -> Option<Vector3<f64>> {
-        let at = |c: usize| recordings::at(&self.truth, t, c).filter(|x| x.is_finite());
-        Some(Vector3::new(at(1)?, at(2)?, -at(3)?))
+        recordings::place(&self.truth, t).map(Vector3::from)
     }
 
     fn velocity(&self, t: f64) -> Option<Vector3<f64>> {
