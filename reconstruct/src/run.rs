@@ -49,14 +49,10 @@ pub struct Facts<'a> {
 /// [`ReconstructError`] if the record has too few samples, the options are out of range or the window is empty.
 pub fn reconstruct(record: &Record, options: &Options) -> Result<Reconstruction, ReconstructError> {
     let epochs = Epochs::read(record)?;
-    let zero = record.triggers.first().map_or_else(
-        || record.monotonic_ns(record.first_index()),
-        |t| t.monotonic_ns,
-    );
     let facts = Facts {
         triggers: &record.triggers,
         completion: &record.completion,
-        utc_zero_ns: zero.checked_add(record.header.clock.offset_ns),
+        utc_zero_ns: record.zero_ns().checked_add(record.header.clock.offset_ns),
     };
     let fixes = record.gnss.as_ref().filter(|_| options.fixes);
     let mut result = match fixes {

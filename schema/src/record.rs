@@ -142,11 +142,15 @@ impl Record {
     /// ledger entry knows the event.
     #[must_use]
     pub fn utc_ns(&self) -> i64 {
+        self.zero_ns().saturating_add(self.header.clock.offset_ns)
+    }
+
+    /// Time zero on the monotonic clock, ns: the first trigger, the first sample if there is no trigger, 0 without any.
+    #[must_use]
+    pub fn zero_ns(&self) -> i64 {
         let sample = || self.blocks.first().map_or(0, |block| block.monotonic_ns);
         let first = self.triggers.first();
-        first
-            .map_or_else(sample, |trigger| trigger.monotonic_ns)
-            .saturating_add(self.header.clock.offset_ns)
+        first.map_or_else(sample, |trigger| trigger.monotonic_ns)
     }
 
     /// The sealed file in memory: see [`Record::write`].
@@ -225,11 +229,7 @@ impl Record {
     /// the record has no trigger. A bin ends 10 ms later, at `time_s(index + 1)`.
     #[must_use]
     pub fn time_s(&self, index: u64) -> f64 {
-        let zero = self.triggers.first().map_or_else(
-            || self.monotonic_ns(self.first_index()),
-            |trigger| trigger.monotonic_ns,
-        );
-        num::real_i64(self.monotonic_ns(index).saturating_sub(zero)) * 1e-9
+        num::real_i64(self.monotonic_ns(index).saturating_sub(self.zero_ns())) * 1e-9
     }
 }
 

@@ -129,10 +129,7 @@ pub fn widened_speed(since_s: f64) -> f64 {
 #[must_use]
 pub fn hear(record: &Record, gnss: &Gnss, onsets: &[f64], span: [f64; 2]) -> Heard {
     let sheet = &gnss.sheet;
-    let zero = record.triggers.first().map_or_else(
-        || record.monotonic_ns(record.first_index()),
-        |t| t.monotonic_ns,
-    );
+    let zero = record.zero_ns();
     let geometry = Geometry::new(&record.header.vehicle);
     let (lever, sd) = match sheet.antenna_position_m {
         Some(place) => (

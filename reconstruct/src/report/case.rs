@@ -49,11 +49,7 @@ impl Case<'_> {
     /// Time zero of the reconstruction on the monotonic grid: the first trigger, or else the first sample.
     #[must_use]
     pub fn zero_ns(&self) -> i64 {
-        let first = || self.record.blocks.first().map_or(0, |b| b.monotonic_ns);
-        self.record
-            .triggers
-            .first()
-            .map_or_else(first, |t| t.monotonic_ns)
+        self.record.zero_ns()
     }
 
     /// Seconds from time zero.
