@@ -1,5 +1,5 @@
 //! Satellite fixes, where the configuration asks for them (`[gnss]`): from signals of a CAN bus ([`can`]) or from NMEA
-//! 0183 on a serial line ([`line`], [`crate::nmea`]).
+//! 0183 on a serial line ([`mod@line`], [`crate::nmea`]).
 //!
 //! A [`Receiver`] is a part of the pipeline and reads no clock; what it makes goes onto the ring's [`GnssTape`] and from
 //! there into the record. Frames of mapped messages, and sentences that are interpreted, are in the spool, so fixes are
