@@ -61,7 +61,7 @@ fn cost(lane: &Lane) {
     let program = lane.bin.join("examples/listen");
     let words = [config.to_str().unwrap(), "60", "--count", FRAMES];
     let mut best = [f64::INFINITY; 3];
-    for _ in 0..3 {
+    for _ in 0..5 {
         let ours = || Process::start(&program, &words, &dir.join("listen"));
         let theirs = || {
             let words = ["-l", "-r", "33554432", "-n", FRAMES, "vcan0"];
@@ -79,5 +79,5 @@ fn cost(lane: &Lane) {
         theirs - alone,
         (ours - alone) / (theirs - alone),
     );
-    assert!(ours <= theirs);
+    assert!(ours <= theirs, "{ours} us a frame, candump {theirs} us");
 }
