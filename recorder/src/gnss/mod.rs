@@ -2,8 +2,8 @@
 //! 0183 on a serial line ([`mod@line`], [`crate::nmea`]).
 //!
 //! A [`Receiver`] is a part of the pipeline and reads no clock; what it makes goes onto the ring's [`GnssTape`] and from
-//! there into the record. Frames of mapped messages, and sentences that are interpreted, are in the spool, so fixes are
-//! made again from them after a cut.
+//! there into the record. Frames of mapped messages, and all sentences, are in the spool, so fixes are made again from
+//! them after a cut.
 
 pub mod can;
 pub mod line;
@@ -13,7 +13,7 @@ mod tape;
 use schema::gnss::{Fix, FixQuality};
 use schema::num;
 
-use crate::config::{Gnss, GnssInput};
+use crate::config::{Device, Gnss, GnssInput};
 use crate::nmea::{Counts, Epochs, Heard, Kind, Reading, Text, read};
 use can::{Assembler, Field};
 pub use tape::GnssTape;
@@ -24,6 +24,9 @@ const ROLL_OVER_NS: i64 = 1024 * 7 * DAY_NS;
 const DAY_NS: i64 = 86_400_000_000_000;
 /// The receiver's UTC and the recorder's differ by more than latency makes, ns.
 const APART_NS: i64 = 2_000_000_000;
+
+/// Bytes of the end of a line, which stand in no sentence.
+const LINE_END: usize = 2;
 
 /// What makes fixes.
 #[derive(Clone, Debug)]
@@ -86,6 +89,8 @@ pub struct Receiver {
     silent: bool,
     newest_ns: i64,
     offset_ns: i64,
+    /// What a byte takes on the line, ns; 0 where the source is CAN.
+    byte_ns: i64,
 }
 
 impl Receiver {
@@ -111,6 +116,7 @@ impl Receiver {
             silent: false,
             newest_ns: i64::MIN,
             offset_ns: 0,
+            byte_ns: settings.device().map_or(0, Device::byte_ns),
         }
     }
 
@@ -161,26 +167,28 @@ impl Receiver {
         };
         // Sentences come in order over a line.
         let at_ns = at_ns.map(|at_ns| at_ns.max(self.newest_ns));
+        let bytes = i64::try_from(text.as_bytes().len() + LINE_END).unwrap_or(0);
+        let taken_ns = bytes * self.byte_ns;
+        let times = at_ns.map(|at_ns| (at_ns, at_ns.saturating_add(taken_ns)));
+        self.newest_ns = at_ns.unwrap_or(self.newest_ns);
         let (talker, message) = match read(text) {
             Reading::Unknown => {
                 self.counts.unknown += 1;
-                return (None, None);
+                let fix = times.and_then(|times| epochs.pass(times));
+                return (None, fix.map(|fix| self.given(fix)));
             }
             Reading::Malformed => {
                 self.counts.malformed += 1;
-                return (at_ns, None);
+                let fix = times.and_then(|times| epochs.pass(times));
+                return (at_ns, fix.map(|fix| self.given(fix)));
             }
             Reading::Message(talker, message) => (talker, message),
         };
         if let Some(count) = self.counts.kinds.get_mut(message.kind().number()) {
             *count += 1;
         }
-        let Some(at_ns) = at_ns else {
-            return (None, None);
-        };
-        self.newest_ns = at_ns;
-        let fix = epochs.take(at_ns, talker, &message);
-        (Some(at_ns), fix.map(|fix| self.given(fix)))
+        let fix = times.and_then(|times| epochs.take(times, talker, &message));
+        (at_ns, fix.map(|fix| self.given(fix)))
     }
 
     /// Time has come to here; gives a fix that is over by that.
