@@ -257,9 +257,9 @@ fn noise_silence_and_a_receiver_without_a_fix_are_told() {
         receiver.say(&receiver::epoch(utc_ns, 0.0, 0));
         sleep(Duration::from_millis(200));
         let status = daemon.status().unwrap();
-        if count(&status, "no_fix") >= 30 {
+        if count(&status, "no_fix") >= 12 {
             assert_eq!(status["gnss"]["quality"], "no fix");
-            assert!(status["gnss"]["last_fix_s"].as_f64() > Some(2.0));
+            assert!(status["gnss"]["last_fix_s"].as_f64() > Some(1.0));
             assert!(!any_alarm(&status), "{status}");
             assert!(count(&status, "fixes") <= fixes + 1);
             break;
@@ -275,7 +275,7 @@ fn noise_silence_and_a_receiver_without_a_fix_are_told() {
     );
     let part = record.gnss.unwrap();
     let nowhere = part.fixes.iter().filter(|fix| fix.position.is_none());
-    assert!(nowhere.count() >= 29);
+    assert!(nowhere.count() >= 11);
 }
 
 /// The table of `[gnss]`, or none, is written and read again.
@@ -326,7 +326,7 @@ fn a_reload_adds_changes_and_removes_the_receiver() {
     assert!(!any_alarm(&status), "{status}");
     assert!(!daemon.said().contains("the device is gone"));
 
-    reload(&daemon, first.device(), &second.device().to_owned());
+    reload(&daemon, first.device(), second.device());
     let status = daemon.until("the other line", |status| status["gnss"]["open"] == true);
     assert!(!any_alarm(&status), "{status}");
     fixes_until(&daemon, &mut second, "fixes of the second", |status| {
@@ -350,7 +350,7 @@ fn a_reload_adds_changes_and_removes_the_receiver() {
     let text = fs::read_to_string(daemon.dir.join("recorder.toml")).unwrap();
     let start = text.find("[gnss]").unwrap();
     let end = text.find("[run]").unwrap();
-    reload(&daemon, &text[start..end].to_owned(), "");
+    reload(&daemon, &text[start..end], "");
     let status = daemon.until("no receiver", |status| status["gnss"].is_null());
     assert!(!any_alarm(&status), "{status}");
     program(&daemon.dir, &["trigger", "--config", "recorder.toml"]);

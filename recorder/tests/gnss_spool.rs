@@ -258,7 +258,7 @@ fn whatever_of_it_was_synchronised_is_read_back_after_any_cut() {
     // Fewer blocks than flushes: the circle comes round while the event runs.
     let recording = record(&config, &frames, &sentences, 650);
     let last = recording.over;
-    let step = ((last - recording.started) / 25).max(1);
+    let step = ((last - recording.started) / 15).max(1);
     let (mut cuts, mut events, mut checked) = (0, 0, 0);
     for count in (recording.started..=last).step_by(step) {
         let durable = &recording.durable;
@@ -300,7 +300,7 @@ fn whatever_of_it_was_synchronised_is_read_back_after_any_cut() {
         }
     }
     println!("{cuts} cuts, {events} events, {checked} sentences looked for");
-    assert!(events > 80 && checked > 1000);
+    assert!(events > 50 && checked > 500);
 }
 
 /// What is told before the first frame has no place among samples: it must not stand for ever, nor hold up what is

@@ -26,7 +26,7 @@ impl Pipeline<'_> {
         let Heard::Sentence { text, .. } = heard else {
             return;
         };
-        let (kept, fix) = receiver.sentence(placed, text);
+        let (kept, fix) = receiver.sentence(line_ns, placed, text);
         if let Some(at_ns) = kept {
             for event in &mut self.events {
                 event.tape.gnss.push_sentence(at_ns, *text);
