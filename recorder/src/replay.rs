@@ -102,8 +102,9 @@ pub fn replay(
     };
     let mut frame = Frame::empty();
     while source.next_frame(&mut frame)? {
-        if let Some(nmea) = &mut nmea {
-            while let Some((at_ns, heard)) = nmea.upto(frame.time_ns)? {
+        if let (Some(nmea), Some(until_ns)) = (&mut nmea, pipeline.hears_until_ns()) {
+            // A stamp that is garbage must not read the sentences of hours to come over.
+            while let Some((at_ns, heard)) = nmea.upto(frame.time_ns.min(until_ns))? {
                 pipeline.heard(at_ns, &heard);
             }
         }

@@ -93,6 +93,10 @@ fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
 }
 
 fn seal(settings: &Settings, log: Log, nmea: Option<String>) -> Record {
+    seal_text(settings, log.text(), nmea)
+}
+
+fn seal_text(settings: &Settings, log: String, nmea: Option<String>) -> Record {
     let records = RefCell::new(Vec::new());
     let options = ReplayOptions {
         trigger_at: vec![5.0],
@@ -103,7 +107,7 @@ fn seal(settings: &Settings, log: Log, nmea: Option<String>) -> Record {
         })),
         ..ReplayOptions::default()
     };
-    replay(settings, input(log.text()), options).unwrap();
+    replay(settings, input(log), options).unwrap();
     let record = records.into_inner().remove(0);
     assert_eq!(Record::read(&record.to_bytes().unwrap()).unwrap().0, record);
     record
@@ -177,6 +181,35 @@ fn sentences_are_replayed_and_what_is_no_fix_has_no_position() {
     let notes = silent.health.notes.join("\n");
     assert!(notes.contains("was not replayed"), "{notes}");
     assert!(seal(&settings("").unwrap(), drive(), None).gnss.is_none());
+}
+
+/// One frame whose stamp is garbage is dropped; the sentences that come before that time are not read over for it.
+#[test]
+fn a_stray_frame_takes_no_sentence_away() {
+    let mut text = String::new();
+    for k in 1..30 {
+        let body = format!(
+            "GNRMC,2213{}.00,A,4807.0380,N,01131.0000,E,0,,141123,,,A",
+            20 + k
+        );
+        writeln!(text, "({}.100000) {}", EPOCH + k, sentence(&body)).unwrap();
+    }
+    let nmea = settings(NMEA).unwrap();
+    for (stray, place) in [(9000.0, 400), (30.0, 400), (-9000.0, 400), (9000.0, 0)] {
+        let mut stamp = Log::default();
+        stamp.frame(stray, "120", &[0; 8]);
+        let mut drive = Log::default();
+        drive.steady(0.0, 40.0, 100.0, 50.0);
+        let mut lines: Vec<String> = drive.text().lines().map(str::to_owned).collect();
+        lines.insert(place, stamp.text().trim_end().to_owned());
+        let record = seal_text(&nmea, lines.join("\n") + "\n", Some(text.clone()));
+        let part = record.gnss.unwrap();
+        assert_eq!(
+            (part.fixes.len(), part.sentences.len()),
+            (29, 29),
+            "{stray} s, line {place}"
+        );
+    }
 }
 
 #[test]

@@ -36,6 +36,13 @@ impl Pipeline<'_> {
         self.keep_fix(fix);
     }
 
+    /// Sentences up to this time on the line can be placed among the frames; `None` before the first frame.
+    #[must_use]
+    pub fn hears_until_ns(&self) -> Option<i64> {
+        self.line_ns()
+            .map(|line_ns| line_ns.saturating_add(STRAY_NS))
+    }
+
     /// The configured satellite receiver was not given to this replay: the record says so.
     pub fn without_receiver(&mut self) {
         if let Some(receiver) = &mut self.gnss {
