@@ -72,6 +72,22 @@ fn split_and_mutated_streams_give_sentences_or_counts() {
 const CAN: &str = "[gnss]\nlatitude = \"POS.Lat\"\nlongitude = \"POS2.Lon\"\nspeed = \"POS2.Speed\"\nvalid = \"POS2.Valid\"\nvalid_equals = 1\n";
 const NMEA: &str = "[gnss]\ndevice = \"/dev/none\"\n";
 
+/// What the example in the sample configuration names.
+const EXAMPLE: &str = r#"
+BO_ 774 GPS: 16 SENSOR
+ SG_ Latitude : 0|32@1- (0.0000001,0) [-90|90] "" BRAKES
+ SG_ Longitude : 32|32@1- (0.0000001,0) [-180|180] "" BRAKES
+ SG_ Height : 64|24@1- (0.01,0) [0|0] "m" BRAKES
+ SG_ North : 88|16@1- (0.01,0) [0|0] "m/s" BRAKES
+ SG_ East : 104|16@1- (0.01,0) [0|0] "m/s" BRAKES
+
+BO_ 775 GPS_TIME: 8 SENSOR
+ SG_ Utc : 0|42@1+ (1,0) [0|0] "ms" BRAKES
+ SG_ Quality : 42|4@1+ (1,0) [0|15] "" BRAKES
+ SG_ Valid : 46|1@1+ (1,0) [0|1] "" BRAKES
+ SG_ Satellites : 47|8@1+ (1,0) [0|255] "" BRAKES
+"#;
+
 fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
     let dir = std::env::temp_dir().join(format!("recorder-gnss-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
@@ -79,7 +95,7 @@ fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
     let dbc = format!(
         "{dbc}\nBO_ 768 POS: 4 SENSOR\n SG_ Lat : 0|32@1- (0.0000001,0) [0|0] \"deg\" BRAKES\n\
          \nBO_ 769 POS2: 7 SENSOR\n SG_ Lon : 0|32@1- (0.0000001,0) [0|0] \"deg\" BRAKES\n \
-         SG_ Speed : 32|16@1+ (0.01,0) [0|0] \"m/s\" BRAKES\n SG_ Valid : 48|1@1+ (1,0) [0|1] \"\" BRAKES\n"
+         SG_ Speed : 32|16@1+ (0.01,0) [0|0] \"m/s\" BRAKES\n SG_ Valid : 48|1@1+ (1,0) [0|1] \"\" BRAKES\n{EXAMPLE}"
     );
     let path = dir.join("gnss.dbc");
     if !path.exists() {
@@ -236,4 +252,50 @@ fn a_wrong_table_is_named() {
         let message = settings(table).unwrap_err().to_string();
         assert!(message.contains(expected), "{table}: {message}");
     }
+}
+
+/// The example in the sample configuration, with so many marks of a comment taken off.
+fn example(marks: usize) -> String {
+    let text = std::fs::read_to_string(etc().join("recorder.toml")).unwrap();
+    let lines = text
+        .lines()
+        .skip_while(|line| !line.starts_with("# [gnss]"));
+    let bare = |line: &str| {
+        let mut line = line;
+        for _ in 0..marks {
+            line = line.strip_prefix("# ").unwrap_or(line);
+        }
+        line.to_owned() + "\n"
+    };
+    lines.map(bare).collect()
+}
+
+#[test]
+fn the_example_of_the_sample_configuration_is_sound_and_shows_the_defaults() {
+    let shown = settings(&example(1)).unwrap().gnss.unwrap();
+    let plain = "[gnss]\ndevice = \"/dev/ttyS1\"\nantenna_position_m = [0.4, 0.0, -1.5]\n";
+    assert_eq!(shown, settings(plain).unwrap().gnss.unwrap());
+    assert!(settings(&example(0)).unwrap().gnss.is_none());
+
+    let of_signals: String = example(2)
+        .lines()
+        .filter(|line| !line.starts_with("device") && !line.starts_with("baud"))
+        .fold(String::new(), |text, line| text + line + "\n");
+    let shown = settings(&of_signals).unwrap().gnss.unwrap();
+    let receiver = &shown.sheet.receiver;
+    for signal in [
+        "latitude GPS.Latitude",
+        "longitude GPS.Longitude",
+        "height GPS.Height",
+        "v_north GPS.North",
+        "v_east GPS.East",
+        "utc GPS_TIME.Utc",
+        "quality GPS_TIME.Quality",
+        "valid GPS_TIME.Valid",
+        "satellites GPS_TIME.Satellites",
+    ] {
+        assert!(receiver.contains(signal), "{receiver}");
+    }
+    let without = of_signals.replace("pair_ms = 20", "");
+    assert_eq!(shown, settings(&without).unwrap().gnss.unwrap());
 }

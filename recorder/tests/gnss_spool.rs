@@ -36,6 +36,11 @@ const DBC: &str = "\nBO_ 768 POS: 4 SENSOR\n SG_ Lat : 0|32@1- (0.0000001,0) [0|
     \nBO_ 769 POS2: 7 SENSOR\n SG_ Lon : 0|32@1- (0.0000001,0) [0|0] \"deg\" BRAKES\n \
     SG_ Speed : 32|16@1+ (0.01,0) [0|0] \"m/s\" BRAKES\n SG_ Valid : 48|1@1+ (1,0) [0|1] \"\" BRAKES\n";
 
+/// Removes the folder of a configuration.
+fn done_with(config: &Path) {
+    std::fs::remove_dir_all(config.parent().unwrap()).unwrap();
+}
+
 /// A folder with a configuration that has this table.
 fn configuration(name: &str, table: &str) -> PathBuf {
     let dir = std::env::temp_dir().join(format!("recorder-gnss-{name}-{}", std::process::id()));
@@ -226,6 +231,7 @@ fn a_record_that_is_read_back_has_the_fixes_of_the_one_that_was_sealed() {
     for (name, table, sentences) in [("line", DEVICE, sentences()), ("can", SIGNALS, Vec::new())] {
         let config = configuration(name, table);
         let recording = record(&config, &frames, &sentences, 3000);
+        done_with(&config);
         let back = recover(&recording.model, &spool_path()).unwrap();
         let [record] = back.records.as_slice() else {
             unreachable!("one event: {}", back.records.len());
@@ -257,6 +263,7 @@ fn whatever_of_it_was_synchronised_is_read_back_after_any_cut() {
     let config = configuration("cut", DEVICE);
     // Fewer blocks than flushes: the circle comes round while the event runs.
     let recording = record(&config, &frames, &sentences, 650);
+    done_with(&config);
     let last = recording.over;
     let step = ((last - recording.started) / 15).max(1);
     let (mut cuts, mut events, mut checked) = (0, 0, 0);
@@ -309,6 +316,7 @@ fn whatever_of_it_was_synchronised_is_read_back_after_any_cut() {
 fn what_is_told_before_the_first_frame_is_forgotten_in_its_time() {
     let config = configuration("early", DEVICE);
     let settings = Arc::new(Settings::load(&config).unwrap());
+    done_with(&config);
     for (seconds, there) in [(10, true), (60, false)] {
         let mut log = Log::default();
         log.steady(0.0, f64::from(seconds), 100.0, 0.0);
