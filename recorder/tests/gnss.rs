@@ -228,6 +228,41 @@ fn a_stray_frame_takes_no_sentence_away() {
     }
 }
 
+/// The clock of the logs is set back by an hour while a sentence is on its way: it is lost, what follows is not.
+#[test]
+fn a_clock_set_back_holds_up_no_sentence() {
+    let shift = |seconds: i64| if seconds < 15 { 0 } else { -3600 };
+    let mut frames = String::new();
+    let mut drive = Log::default();
+    drive.steady(0.0, 40.0, 100.0, 50.0);
+    for line in drive.text().lines() {
+        let (stamp, rest) = line[1..].split_once(')').unwrap();
+        let (s, ns) = stamp.split_once('.').unwrap();
+        let s: i64 = s.parse().unwrap();
+        writeln!(frames, "({}.{ns}){rest}", s + shift(s - EPOCH)).unwrap();
+    }
+    let mut text = String::new();
+    for k in 1..30 {
+        let body = format!(
+            "GNRMC,2213{}.00,A,4807.0380,N,01131.0000,E,0,,141123,,,A",
+            20 + k
+        );
+        // The one of the fifteenth second comes behind the last frame of the clock before.
+        let at = if k == 15 {
+            "14.999999".to_owned()
+        } else {
+            format!("{}.1", k + shift(k))
+        };
+        let (s, part) = at.split_once('.').unwrap();
+        let s = EPOCH + s.parse::<i64>().unwrap();
+        writeln!(text, "({s}.{part}) {}", sentence(&body)).unwrap();
+    }
+    let record = seal_text(&settings(NMEA).unwrap(), frames, Some(text));
+    let part = record.gnss.unwrap();
+    assert_eq!((part.fixes.len(), part.sentences.len()), (28, 28));
+    assert_eq!(record.health.clock_steps.len(), 1);
+}
+
 #[test]
 fn a_wrong_table_is_named() {
     let cases = [

@@ -245,7 +245,7 @@ fn noise_silence_and_a_receiver_without_a_fix_are_told() {
     assert_eq!(count(&status, "outages"), 0);
 
     // It spoke, and speaks no more.
-    let status = daemon.until("silent", |status| alarm(status, "has said nothing for"));
+    let status = daemon.until("silent", |status| alarm(status, "has said nothing new for"));
     assert_eq!(status["gnss"]["open"], true);
     fixes_until(&daemon, &mut receiver, "it speaks again", |status| {
         !any_alarm(status)
@@ -400,4 +400,48 @@ fn a_line_that_is_too_fast_holds_up_no_frame() {
     let record = record(&mut daemon, None);
     assert_whole(&record);
     record.to_bytes().unwrap();
+}
+
+/// Over CAN there is no line; a gateway that repeats its last fix for ever says nothing new.
+#[test]
+fn signals_that_stop_or_only_repeat_are_told() {
+    let messages = "\nBO_ 768 POS: 8 SENSOR\n SG_ Lat : 0|32@1- (0.0000001,0) [-90|90] \"deg\" BRAKES\n \
+        SG_ Lon : 32|32@1- (0.0000001,0) [-180|180] \"deg\" BRAKES\n\
+        \nBO_ 770 CLOCK: 8 SENSOR\n SG_ Utc : 0|64@1+ (1,0) [0|0] \"ms\" BRAKES\n";
+    let table =
+        "[gnss]\nlatitude = \"POS.Lat\"\nlongitude = \"POS.Lon\"\nutc = \"CLOCK.Utc\"\n\n[run]";
+    let dir = folder("gnss-signals");
+    let dbc = support::etc().join("example.dbc");
+    let own = dir.join("own.dbc");
+    fs::write(&own, fs::read_to_string(&dbc).unwrap() + messages).unwrap();
+    let mut log = Log::default();
+    log.steady(0.0, 60.0, 100.0, 0.0);
+    for k in 0..550_i32 {
+        let t = 0.5 + f64::from(k) * 0.1;
+        // After 3 s the same again and again.
+        let k = k.min(30);
+        let place = [480_000_000 + k, 110_000_000].map(i32::to_le_bytes);
+        log.frame(t, "300", &place.concat());
+        let utc_ms = support::EPOCH * 1000 + i64::from(k) * 100;
+        log.frame(t + 0.001, "302", &utc_ms.to_le_bytes());
+    }
+    let changes = [
+        (dbc.to_str().unwrap(), own.to_str().unwrap()),
+        ("[run]", table),
+    ];
+    let mut daemon = Daemon::start(dir, log.text(), &changes);
+    let status = daemon.until("fixes", |status| count(status, "fixes") > 5);
+    assert!(
+        status["gnss"]["open"].is_null() && !any_alarm(&status),
+        "{status}"
+    );
+    let status = daemon.until("silence", |status| alarm(status, "said nothing new for"));
+    assert_eq!(count(&status, "fixes"), 31);
+    let screen = program(&daemon.dir, &["status", "--config", "recorder.toml"]);
+    let screen = String::from_utf8(screen.stdout).unwrap();
+    assert!(
+        screen.contains("31 fixes, 0 without") && !screen.contains("sentences "),
+        "{screen}"
+    );
+    daemon.stop();
 }

@@ -291,7 +291,7 @@ impl Daemon {
             alarms.push(match self.ear.word_ns {
                 None => "the satellite receiver never said anything".to_owned(),
                 Some(_) => format!(
-                    "the satellite receiver has said nothing for {:.0} s",
+                    "the satellite receiver has said nothing new for {:.0} s",
                     num::real_i64(silent_ns) / 1e9
                 ),
             });
