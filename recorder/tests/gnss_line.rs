@@ -86,7 +86,7 @@ fn record(daemon: &mut Daemon, receiver: Option<&mut Receiver>) -> Record {
     );
     daemon.until("the trigger", |status| status["state"] == "event");
     if let Some(receiver) = receiver {
-        let fixes = count(&daemon.status().unwrap(), "fixes");
+        let fixes = count(&daemon.until("an answer", |_| true), "fixes");
         fixes_until(daemon, receiver, "fixes after the trigger", |status| {
             count(status, "fixes") > fixes + 3
         });
@@ -251,12 +251,12 @@ fn noise_silence_and_a_receiver_without_a_fix_are_told() {
         !any_alarm(status)
     });
     // That there is no fix is a word too.
-    let fixes = count(&daemon.status().unwrap(), "fixes");
+    let fixes = count(&daemon.until("an answer", |_| true), "fixes");
     for k in 0.. {
         let utc_ns = recorder::clock::realtime_ns();
         receiver.say(&receiver::epoch(utc_ns, 0.0, 0));
         sleep(Duration::from_millis(200));
-        let status = daemon.status().unwrap();
+        let status = daemon.until("an answer", |_| true);
         if count(&status, "no_fix") >= 12 {
             assert_eq!(status["gnss"]["quality"], "no fix");
             assert!(status["gnss"]["last_fix_s"].as_f64() > Some(1.0));
@@ -284,7 +284,7 @@ fn reload(daemon: &Daemon, from: &str, to: &str) {
     let text = fs::read_to_string(&path).unwrap();
     assert!(text.contains(from), "{text}");
     fs::write(&path, text.replacen(from, to, 1)).unwrap();
-    let before = daemon.status().unwrap()["config_sha256"].clone();
+    let before = daemon.until("an answer", |_| true)["config_sha256"].clone();
     daemon.signal("-HUP");
     daemon.until("the new configuration", |status| {
         status["config_sha256"] != before
@@ -392,7 +392,7 @@ fn a_line_that_is_too_fast_holds_up_no_frame() {
     println!("{seen} looks, the newest frame was {slowest:.3} s old at most");
     assert!(slowest < 5.0);
     let mut receiver = writer.join().unwrap();
-    let fixes = count(&daemon.status().unwrap(), "fixes");
+    let fixes = count(&daemon.until("an answer", |_| true), "fixes");
     let status = fixes_until(&daemon, &mut receiver, "fixes", |status| {
         count(status, "fixes") > fixes + 5
     });
