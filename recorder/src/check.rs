@@ -8,6 +8,7 @@ use schema::num;
 use serde::Serialize;
 
 use crate::can::SourceHealth;
+use crate::clock::monotonic_ns;
 use crate::config::Settings;
 use crate::error::RecorderError;
 use crate::event::{GROUP_NAMES, GroupState};
@@ -42,7 +43,7 @@ pub struct ArrivalReport {
     pub name: String,
     /// Times it came.
     pub count: u64,
-    /// A second.
+    /// A second, from the first to the last; 0 where it came once.
     pub rate_hz: f64,
 }
 
@@ -202,12 +203,20 @@ pub fn check_live(
         source.read(Duration::from_millis(50), &mut |frame| {
             pipeline.frame(frame);
         })?;
-        let now = source.now_ns();
+        let (now, clock) = (source.now_ns(), monotonic_ns());
         pipeline.tick(now);
         while let Some(told) = line.as_ref().and_then(Line::next) {
             match told {
+                // That it is open is as it should be.
+                Told::Note { loss: false, .. } => {}
                 Told::Note { text, .. } => health.examples.push(text),
-                Told::Heard(heard) => pipeline.heard(now, &heard),
+                Told::Heard(heard) => {
+                    let at = match &heard {
+                        crate::nmea::Heard::Sentence { at_ns, .. } => now - clock + at_ns,
+                        _ => now,
+                    };
+                    pipeline.heard(at, &heard);
+                }
             }
         }
         while let Some(note) = source.next_note() {
@@ -252,12 +261,16 @@ struct Heard<'a> {
 fn receiver(
     settings: &Settings,
     heard: &Heard<'_>,
-    seconds: f64,
     warnings: &mut Vec<String>,
 ) -> Option<GnssReport> {
     let (configured, state) = (settings.gnss.as_ref()?, heard.gnss?);
     let device = configured.device().is_some();
-    if state.fixes == 0 {
+    if state.silent {
+        warnings.push(
+            "what the satellite receiver said was not given (--nmea), so nothing is known of it"
+                .to_owned(),
+        );
+    } else if state.fixes == 0 {
         warnings.push("the satellite receiver had no fix".to_owned());
     }
     if heard.line.is_some_and(|line| !line.open) {
@@ -284,7 +297,7 @@ fn receiver(
         arrivals.push(ArrivalReport {
             name: arrival.name.clone(),
             count: arrival.count,
-            rate_hz: num::real_u64(arrival.count) / seconds.max(1e-3),
+            rate_hz: arrival.rate_hz,
         });
     }
     Some(GnssReport {
@@ -343,7 +356,7 @@ fn report(
         (totals.decode.not_finite, "values that are not finite"),
         (
             totals.decode.out_of_range,
-            "values outside the DBC's range (missing only with range_check = true)",
+            "values outside the DBC's range (missing with range_check = true, and where they are of [gnss])",
         ),
         (source.malformed, "lines that are no frame"),
     ];
@@ -359,7 +372,7 @@ fn report(
         ));
     }
     let seconds = |samples: u64| num::real_u64(samples) / 100.0;
-    let gnss = receiver(settings, heard, seconds(seen.samples), &mut warnings);
+    let gnss = receiver(settings, heard, &mut warnings);
     CheckReport {
         seconds: seconds(seen.samples),
         rest_seconds: seconds(seen.at_rest),

@@ -22,7 +22,7 @@ pub enum Update {
     Wheel(usize, f64),
     /// An auxiliary value.
     Aux(usize, f64),
-    /// What a satellite receiver says, SI and radians, times in ns.
+    /// What a satellite receiver says, SI and radians, times in ns; NaN: it says that it has no value.
     Gnss(Field, f64),
     /// A value of a trigger signal.
     Can(usize, f64),
@@ -123,9 +123,7 @@ impl Decoder {
                     to_si,
                     range,
                 } => {
-                    if let Some(value) =
-                        self.value(scaled, *range, message.range_check, frame, &mut short)
-                    {
+                    if let Some(value) = self.said(scaled, *range, frame, &mut short) {
                         take(Update::Gnss(*field, value * to_si));
                     }
                 }
@@ -166,6 +164,25 @@ impl Decoder {
             }
             Reading::NotSelected => None,
         }
+    }
+
+    /// What a satellite receiver says. A number outside the DBC's range, or none at all, is how it says that it has no
+    /// value (NaN), whatever `range_check` is: a blow to the car drives none of its values beyond the range.
+    fn said(
+        &mut self,
+        scaled: &Scaled,
+        range: Option<(f64, f64)>,
+        frame: &Frame,
+        short: &mut bool,
+    ) -> Option<f64> {
+        let value = self.value(scaled, range, true, frame, short);
+        let none = || {
+            matches!(
+                scaled.read(frame.data()),
+                Reading::Value(_) | Reading::NotFinite
+            )
+        };
+        value.or_else(|| none().then_some(f64::NAN))
     }
 
     fn wheel(&mut self, wheel: &Wheel, value: f64, frame: &Frame, time_ns: i64) -> Option<f64> {

@@ -80,6 +80,8 @@ pub struct Pipeline<'a> {
     ready: VecDeque<Record>,
     totals: Totals,
     notes: Vec<String>,
+    /// What was told before the first frame.
+    early: Vec<String>,
     manual: VecDeque<f64>,
     /// Manual triggers asked for while running, ns on the line.
     asked: VecDeque<i64>,
@@ -122,6 +124,7 @@ impl<'a> Pipeline<'a> {
             ready: VecDeque::new(),
             totals: Totals::default(),
             notes: Vec::new(),
+            early: Vec::new(),
             manual: manual.into(),
             asked: VecDeque::new(),
             rolling: None,

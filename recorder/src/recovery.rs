@@ -20,7 +20,8 @@ const CUT: &str = "the recording was cut (loss of power, or the recorder was kil
 
 /// What such a record lacks.
 const READ_BACK: &str = "this record was read back from the spool after a cut: of raw frames only those of mapped \
-    messages were kept; offsets of the interfaces' clocks, an announced leap second and the self-test were not";
+    messages were kept, of a satellite receiver's line only whole sentences; offsets of the interfaces' clocks, an \
+    announced leap second and the self-test were not";
 
 /// Records that are kept in memory while the spool is read: more can not be unsealed at a time unless the disk was
 /// full for long.

@@ -101,9 +101,15 @@ pub fn replay(
         sink: options.sink,
     };
     let mut frame = Frame::empty();
+    let mut heard_until_ns = i64::MIN;
     while source.next_frame(&mut frame)? {
-        if let Some(nmea) = &mut nmea {
-            while let Some((at_ns, heard)) = nmea.upto(frame.time_ns)? {
+        if let (Some(nmea), Some(until_ns)) = (&mut nmea, pipeline.hears_until_ns()) {
+            let before_ns = std::mem::replace(&mut heard_until_ns, until_ns);
+            while let Some((at_ns, heard)) = nmea.left_behind(until_ns, before_ns)? {
+                pipeline.heard(at_ns, &heard);
+            }
+            // A stamp that is garbage must not read the sentences of hours to come over.
+            while let Some((at_ns, heard)) = nmea.upto(frame.time_ns.min(until_ns))? {
                 pipeline.heard(at_ns, &heard);
             }
         }

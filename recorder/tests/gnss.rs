@@ -72,6 +72,22 @@ fn split_and_mutated_streams_give_sentences_or_counts() {
 const CAN: &str = "[gnss]\nlatitude = \"POS.Lat\"\nlongitude = \"POS2.Lon\"\nspeed = \"POS2.Speed\"\nvalid = \"POS2.Valid\"\nvalid_equals = 1\n";
 const NMEA: &str = "[gnss]\ndevice = \"/dev/none\"\n";
 
+/// What the example in the sample configuration names.
+const EXAMPLE: &str = r#"
+BO_ 774 GPS: 16 SENSOR
+ SG_ Latitude : 0|32@1- (0.0000001,0) [-90|90] "" BRAKES
+ SG_ Longitude : 32|32@1- (0.0000001,0) [-180|180] "" BRAKES
+ SG_ Height : 64|24@1- (0.01,0) [0|0] "m" BRAKES
+ SG_ North : 88|16@1- (0.01,0) [0|0] "m/s" BRAKES
+ SG_ East : 104|16@1- (0.01,0) [0|0] "m/s" BRAKES
+
+BO_ 775 GPS_TIME: 8 SENSOR
+ SG_ Utc : 0|42@1+ (1,0) [0|0] "ms" BRAKES
+ SG_ Quality : 42|4@1+ (1,0) [0|15] "" BRAKES
+ SG_ Valid : 46|1@1+ (1,0) [0|1] "" BRAKES
+ SG_ Satellites : 47|8@1+ (1,0) [0|255] "" BRAKES
+"#;
+
 fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
     let dir = std::env::temp_dir().join(format!("recorder-gnss-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
@@ -79,7 +95,7 @@ fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
     let dbc = format!(
         "{dbc}\nBO_ 768 POS: 4 SENSOR\n SG_ Lat : 0|32@1- (0.0000001,0) [0|0] \"deg\" BRAKES\n\
          \nBO_ 769 POS2: 7 SENSOR\n SG_ Lon : 0|32@1- (0.0000001,0) [0|0] \"deg\" BRAKES\n \
-         SG_ Speed : 32|16@1+ (0.01,0) [0|0] \"m/s\" BRAKES\n SG_ Valid : 48|1@1+ (1,0) [0|1] \"\" BRAKES\n"
+         SG_ Speed : 32|16@1+ (0.01,0) [0|0] \"m/s\" BRAKES\n SG_ Valid : 48|1@1+ (1,0) [0|1] \"\" BRAKES\n{EXAMPLE}"
     );
     let path = dir.join("gnss.dbc");
     if !path.exists() {
@@ -93,6 +109,10 @@ fn settings(table: &str) -> Result<Settings, recorder::config::ConfigError> {
 }
 
 fn seal(settings: &Settings, log: Log, nmea: Option<String>) -> Record {
+    seal_text(settings, log.text(), nmea)
+}
+
+fn seal_text(settings: &Settings, log: String, nmea: Option<String>) -> Record {
     let records = RefCell::new(Vec::new());
     let options = ReplayOptions {
         trigger_at: vec![5.0],
@@ -103,7 +123,7 @@ fn seal(settings: &Settings, log: Log, nmea: Option<String>) -> Record {
         })),
         ..ReplayOptions::default()
     };
-    replay(settings, input(log.text()), options).unwrap();
+    replay(settings, input(log), options).unwrap();
     let record = records.into_inner().remove(0);
     assert_eq!(Record::read(&record.to_bytes().unwrap()).unwrap().0, record);
     record
@@ -179,6 +199,70 @@ fn sentences_are_replayed_and_what_is_no_fix_has_no_position() {
     assert!(seal(&settings("").unwrap(), drive(), None).gnss.is_none());
 }
 
+/// One frame whose stamp is garbage is dropped; the sentences that come before that time are not read over for it.
+#[test]
+fn a_stray_frame_takes_no_sentence_away() {
+    let mut text = String::new();
+    for k in 1..30 {
+        let body = format!(
+            "GNRMC,2213{}.00,A,4807.0380,N,01131.0000,E,0,,141123,,,A",
+            20 + k
+        );
+        writeln!(text, "({}.100000) {}", EPOCH + k, sentence(&body)).unwrap();
+    }
+    let nmea = settings(NMEA).unwrap();
+    for (stray, place) in [(9000.0, 400), (30.0, 400), (-9000.0, 400), (9000.0, 0)] {
+        let mut stamp = Log::default();
+        stamp.frame(stray, "120", &[0; 8]);
+        let mut drive = Log::default();
+        drive.steady(0.0, 40.0, 100.0, 50.0);
+        let mut lines: Vec<String> = drive.text().lines().map(str::to_owned).collect();
+        lines.insert(place, stamp.text().trim_end().to_owned());
+        let record = seal_text(&nmea, lines.join("\n") + "\n", Some(text.clone()));
+        let part = record.gnss.unwrap();
+        assert_eq!(
+            (part.fixes.len(), part.sentences.len()),
+            (29, 29),
+            "{stray} s, line {place}"
+        );
+    }
+}
+
+/// The clock of the logs is set back by an hour while a sentence is on its way: it is lost, what follows is not.
+#[test]
+fn a_clock_set_back_holds_up_no_sentence() {
+    let shift = |seconds: i64| if seconds < 15 { 0 } else { -3600 };
+    let mut frames = String::new();
+    let mut drive = Log::default();
+    drive.steady(0.0, 40.0, 100.0, 50.0);
+    for line in drive.text().lines() {
+        let (stamp, rest) = line[1..].split_once(')').unwrap();
+        let (s, ns) = stamp.split_once('.').unwrap();
+        let s: i64 = s.parse().unwrap();
+        writeln!(frames, "({}.{ns}){rest}", s + shift(s - EPOCH)).unwrap();
+    }
+    let mut text = String::new();
+    for k in 1..30 {
+        let body = format!(
+            "GNRMC,2213{}.00,A,4807.0380,N,01131.0000,E,0,,141123,,,A",
+            20 + k
+        );
+        // The one of the fifteenth second comes behind the last frame of the clock before.
+        let at = if k == 15 {
+            "14.999999".to_owned()
+        } else {
+            format!("{}.1", k + shift(k))
+        };
+        let (s, part) = at.split_once('.').unwrap();
+        let s = EPOCH + s.parse::<i64>().unwrap();
+        writeln!(text, "({s}.{part}) {}", sentence(&body)).unwrap();
+    }
+    let record = seal_text(&settings(NMEA).unwrap(), frames, Some(text));
+    let part = record.gnss.unwrap();
+    assert_eq!((part.fixes.len(), part.sentences.len()), (28, 28));
+    assert_eq!(record.health.clock_steps.len(), 1);
+}
+
 #[test]
 fn a_wrong_table_is_named() {
     let cases = [
@@ -203,4 +287,50 @@ fn a_wrong_table_is_named() {
         let message = settings(table).unwrap_err().to_string();
         assert!(message.contains(expected), "{table}: {message}");
     }
+}
+
+/// The example in the sample configuration, with so many marks of a comment taken off.
+fn example(marks: usize) -> String {
+    let text = std::fs::read_to_string(etc().join("recorder.toml")).unwrap();
+    let lines = text
+        .lines()
+        .skip_while(|line| !line.starts_with("# [gnss]"));
+    let bare = |line: &str| {
+        let mut line = line;
+        for _ in 0..marks {
+            line = line.strip_prefix("# ").unwrap_or(line);
+        }
+        line.to_owned() + "\n"
+    };
+    lines.map(bare).collect()
+}
+
+#[test]
+fn the_example_of_the_sample_configuration_is_sound_and_shows_the_defaults() {
+    let shown = settings(&example(1)).unwrap().gnss.unwrap();
+    let plain = "[gnss]\ndevice = \"/dev/ttyS1\"\nantenna_position_m = [0.4, 0.0, -1.5]\n";
+    assert_eq!(shown, settings(plain).unwrap().gnss.unwrap());
+    assert!(settings(&example(0)).unwrap().gnss.is_none());
+
+    let of_signals: String = example(2)
+        .lines()
+        .filter(|line| !line.starts_with("device") && !line.starts_with("baud"))
+        .fold(String::new(), |text, line| text + line + "\n");
+    let shown = settings(&of_signals).unwrap().gnss.unwrap();
+    let receiver = &shown.sheet.receiver;
+    for signal in [
+        "latitude GPS.Latitude",
+        "longitude GPS.Longitude",
+        "height GPS.Height",
+        "v_north GPS.North",
+        "v_east GPS.East",
+        "utc GPS_TIME.Utc",
+        "quality GPS_TIME.Quality",
+        "valid GPS_TIME.Valid",
+        "satellites GPS_TIME.Satellites",
+    ] {
+        assert!(receiver.contains(signal), "{receiver}");
+    }
+    let without = of_signals.replace("pair_ms = 20", "");
+    assert_eq!(shown, settings(&without).unwrap().gnss.unwrap());
 }

@@ -85,6 +85,14 @@ pub struct Device {
     pub baud: u32,
 }
 
+impl Device {
+    /// What a byte takes on the line, ns: eight bits between a start and a stop bit.
+    #[must_use]
+    pub fn byte_ns(&self) -> i64 {
+        10_000_000_000 / i64::from(self.baud.max(1))
+    }
+}
+
 /// Signals that fixes are made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signals {

@@ -55,6 +55,7 @@ impl Daemon {
         }
         self.begin_spool();
         self.look_for_silence(now);
+        self.look_for_receiver(now);
         self.test(now);
         if now - self.counts_ns >= COUNTS_NS || now < self.counts_ns {
             self.counts_ns = now;
@@ -373,7 +374,7 @@ impl Daemon {
                 spool.lost_frames
             ));
         }
-        alarms.extend(self.gnss_alarms(status.gnss.as_ref()));
+        alarms.extend(self.gnss_alarms());
         alarms.extend(self.waiting.clone());
         if self.lost > 0 {
             alarms.push(format!(

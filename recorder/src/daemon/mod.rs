@@ -36,7 +36,6 @@ use self::status::TriggerStatus;
 use crate::clock::monotonic_ns;
 use crate::config::Settings;
 use crate::error::RecorderError;
-use crate::gnss::line::Line;
 use crate::live::{LiveSource, Note};
 use crate::pipeline::Pipeline;
 use crate::spool::{EVENT_FLUSH_NS, Entry, Journal, Moment, Syncer};
@@ -64,8 +63,8 @@ struct Daemon {
     bundle: [u8; 32],
     pipeline: Pipeline<'static>,
     source: Box<dyn LiveSource>,
-    /// The line of the satellite receiver.
-    gnss: Option<Line>,
+    /// Of the satellite receiver.
+    ear: gnss::Ear,
     journal: Journal,
     syncer: Option<Syncer>,
     spool_error: Option<String>,
@@ -137,10 +136,11 @@ impl Daemon {
         // Before notes: a trigger belongs to the UTC that was in force when it fired.
         self.triggers();
         let now = self.source.now_ns();
+        let clock = monotonic_ns();
         while let Some(note) = self.source.next_note() {
             self.note(note);
         }
-        self.hear(now);
+        self.hear(now, clock);
         self.pipeline.tick(now);
         self.listen(now);
         self.triggers();

@@ -95,7 +95,7 @@ pub fn run(options: &Options) -> Result<(), RecorderError> {
         bundle: digest,
         pipeline: Pipeline::new(Arc::clone(&settings), &[], Some(observer)),
         source: source(&settings, options)?,
-        gnss: super::gnss::start(&settings)?,
+        ear: super::gnss::Ear::start(&settings)?,
         journal: Journal::new(),
         syncer: None,
         spool_error: None,

@@ -8,6 +8,9 @@
 //! Height, speed, course, climb and UTC belong to the fix if they came within the window of its first half, before or
 //! after. What changes slowly and comes in slower messages (validity, quality, satellites, dilution, standard
 //! deviations) is taken up to two seconds old. A fix is given when its window is over.
+//!
+//! A value that is marked as none, by a number outside the range that the DBC states or by no number at all, comes here
+//! as NaN: a position without one is "no fix", any other is missing.
 
 use schema::gnss::{Fix, FixQuality};
 use schema::num;
@@ -16,8 +19,19 @@ use crate::config::Condition;
 use crate::nmea::nearest_day;
 use crate::pace::Pace;
 
+use super::Arrivals;
+use super::tally::Tally;
+
 /// Slow signals are taken up to this age, ns.
 const SLOW_NS: i64 = 2_000_000_000;
+/// No car is faster over ground, m/s, climbs or falls faster, m/s, or is lower or higher, m: what senders send that have
+/// no value is.
+const FASTEST: f64 = 150.0;
+const STEEPEST: f64 = 100.0;
+const LOWEST: f64 = -1000.0;
+const HIGHEST: f64 = 20_000.0;
+/// Courses are sent from 0 to a turn, or half a turn either way; rounding may go beyond.
+const MOST_COURSE: f64 = 1.001 * std::f64::consts::TAU;
 
 /// What a signal says of a fix. Values come in SI and radians, times in ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,20 +163,16 @@ struct Pair {
 pub struct Assembler {
     rules: Rules,
     held: [Held; Field::ALL.len()],
-    counts: [u64; Field::ALL.len()],
+    tallies: [Tally; Field::ALL.len()],
     /// Latitude and longitude that are still alone.
     halves: [Held; 2],
     open: Option<Pair>,
     pace: Pace,
-    /// UTC of the last fix.
-    last_utc: Option<i64>,
     /// UTC minus monotonic time by the recorder's clock, ns.
     pub clock_offset_ns: i64,
     /// Halves that met no other.
     pub halved: u64,
-    /// Fixes that repeat the UTC of the one before.
-    pub repeated: u64,
-    /// Values that are none: a latitude beyond the pole, a negative speed.
+    /// Values that are none: marked so, a latitude beyond the pole, a negative speed.
     pub absurd: u64,
 }
 
@@ -173,31 +183,31 @@ impl Assembler {
         Self {
             rules,
             held: [None; Field::ALL.len()],
-            counts: [0; Field::ALL.len()],
+            tallies: [Tally::default(); Field::ALL.len()],
             halves: [None; 2],
             open: None,
             pace: Pace::new(),
-            last_utc: None,
             clock_offset_ns: 0,
             halved: 0,
-            repeated: 0,
             absurd: 0,
         }
     }
 
-    /// Times that a signal was received.
+    /// How often a signal arrives with a value.
     #[must_use]
-    pub fn count(&self, field: Field) -> u64 {
-        self.counts.get(field.number()).copied().unwrap_or(0)
+    pub fn arrivals(&self, field: Field) -> Arrivals {
+        let tally = self.tallies.get(field.number()).copied();
+        tally.unwrap_or_default().arrivals(field.key())
     }
 
-    /// A value of the frame received at a time.
+    /// A value of the frame received at a time; NaN where the frame says that there is none.
     pub fn take(&mut self, at_ns: i64, field: Field, value: f64) {
         let number = field.number();
-        if let (Some(held), Some(count)) = (self.held.get_mut(number), self.counts.get_mut(number))
-        {
+        if let Some(held) = self.held.get_mut(number) {
             *held = Some((at_ns, value));
-            *count += 1;
+        }
+        if let Some(tally) = self.tallies.get_mut(number).filter(|_| !value.is_nan()) {
+            tally.arrive(at_ns);
         }
         let half = match field {
             Field::Latitude => 0,
@@ -255,8 +265,7 @@ impl Assembler {
     /// The fix that waits, as it stands.
     #[must_use]
     pub fn preview(&self) -> Option<Fix> {
-        let fix = self.open.as_ref().map(|open| self.fix(open).0)?;
-        (!self.repeats(&fix)).then_some(fix)
+        self.open.as_ref().map(|open| self.fix(open).0)
     }
 
     fn window_ns(&self) -> i64 {
@@ -272,17 +281,7 @@ impl Assembler {
         let open = self.open.take()?;
         let (fix, absurd) = self.fix(&open);
         self.absurd += absurd;
-        if self.repeats(&fix) {
-            self.repeated += 1;
-            return None;
-        }
-        self.last_utc = fix.utc_ns;
         Some(fix)
-    }
-
-    /// A gateway may send a fix again and again until the next one; only its UTC tells.
-    fn repeats(&self, fix: &Fix) -> bool {
-        fix.quality != FixQuality::None && fix.utc_ns.is_some() && fix.utc_ns == self.last_utc
     }
 
     /// A value that came so near to the fix.
@@ -319,17 +318,17 @@ impl Assembler {
         };
         fix.quality = quality;
         fix.position = Some([latitude, longitude]);
-        fix.height_m = keep(of(Field::Height), -1e6, 1e8);
-        fix.speed_mps = keep(of(Field::Speed), 0.0, 1e5);
-        fix.course = of(Field::Course).map(|course| turned(course, TAU));
-        fix.climb_mps = keep(of(Field::Climb), -1e5, 1e5);
+        fix.height_m = keep(of(Field::Height), LOWEST, HIGHEST);
+        fix.speed_mps = keep(of(Field::Speed), 0.0, FASTEST);
+        fix.course =
+            keep(of(Field::Course), -MOST_COURSE, MOST_COURSE).map(|course| turned(course, TAU));
+        fix.climb_mps = keep(of(Field::Climb), -STEEPEST, STEEPEST);
         if let (Some(north), Some(east)) = (of(Field::VelocityNorth), of(Field::VelocityEast)) {
-            fix.speed_mps = keep(Some(north.hypot(east)), 0.0, 1e5);
+            fix.speed_mps = keep(Some(north.hypot(east)), 0.0, FASTEST);
             fix.course = (fix.speed_mps > Some(0.0)).then(|| turned(east.atan2(north), TAU));
         }
-        fix.climb_mps =
-            fix.climb_mps
-                .or(keep(of(Field::VelocityDown).map(|down| -down), -1e5, 1e5));
+        let falls = of(Field::VelocityDown).map(|down| -down);
+        fix.climb_mps = fix.climb_mps.or(keep(falls, -STEEPEST, STEEPEST));
         fix.horizontal_m2 =
             keep(slow(Field::HorizontalSd), 0.0, 1e5).map(|sd| [sd * sd, sd * sd, 0.0]);
         fix.height_sd_m = keep(slow(Field::HeightSd), 0.0, 1e5);

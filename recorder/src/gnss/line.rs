@@ -6,6 +6,9 @@
 //! A device that buffers (a USB adapter waits up to 16 ms) delays what is told here; that is part of `latency_ms`.
 //!
 //! A device that goes away is told once, and tried again each second.
+//!
+//! Nobody waits for the thread: one that is to end ends within a wait, and the thread of another line on the same device
+//! begins when it has.
 
 use std::io::ErrorKind;
 use std::sync::Arc;
@@ -40,6 +43,8 @@ pub enum Told {
         at_ns: i64,
         /// What.
         text: String,
+        /// It is a loss.
+        loss: bool,
     },
 }
 
@@ -50,6 +55,8 @@ pub struct LineState {
     pub open: bool,
     /// Bytes received.
     pub bytes: u64,
+    /// Bytes received since the last sentence with a checksum that held, whatever its kind.
+    pub strange: u64,
     /// Sentences that found no room, as the recorder was held up.
     pub lost: u64,
     /// Times the device went away.
@@ -61,6 +68,7 @@ struct Shared {
     stop: AtomicBool,
     open: AtomicBool,
     bytes: AtomicU64,
+    strange: AtomicU64,
     lost: AtomicU64,
     outages: AtomicU64,
 }
@@ -70,6 +78,7 @@ struct Shared {
 pub struct Line {
     told: Receiver<Told>,
     shared: Arc<Shared>,
+    device: Device,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -79,6 +88,17 @@ impl Line {
     /// # Errors
     /// When the system has no thread to give.
     pub fn start(device: &Device) -> Result<Self, RecorderError> {
+        Self::follow(device, None)
+    }
+
+    /// Starts the thread in place of another one, which ends. Where both are of one device the new thread waits for the
+    /// old one, for a device is opened by one at a time.
+    ///
+    /// # Errors
+    /// When the system has no thread to give.
+    pub fn follow(device: &Device, before: Option<Self>) -> Result<Self, RecorderError> {
+        let same = |line: &Self| line.device.path == device.path;
+        let before = before.filter(same).and_then(|mut line| line.thread.take());
         let (tell, told) = sync_channel(MOST_WAITING);
         let shared = Arc::new(Shared::default());
         let mut reader = Reader {
@@ -89,11 +109,18 @@ impl Line {
         let thread = std::thread::Builder::new()
             .name("gnss".to_owned())
             .stack_size(256 * 1024)
-            .spawn(move || reader.work())
+            .spawn(move || {
+                if let Some(before) = before {
+                    // It can not panic.
+                    let _ = before.join();
+                }
+                reader.work();
+            })
             .map_err(RecorderError::io(&device.path, "start the thread of"))?;
         Ok(Self {
             told,
             shared,
+            device: device.clone(),
             thread: Some(thread),
         })
     }
@@ -110,6 +137,7 @@ impl Line {
         LineState {
             open: self.shared.open.load(Relaxed),
             bytes: self.shared.bytes.load(Relaxed),
+            strange: self.shared.strange.load(Relaxed),
             lost: self.shared.lost.load(Relaxed),
             outages: self.shared.outages.load(Relaxed),
         }
@@ -119,10 +147,6 @@ impl Line {
 impl Drop for Line {
     fn drop(&mut self) {
         self.shared.stop.store(true, Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // It ends within a wait and can not panic.
-            let _ = thread.join();
-        }
     }
 }
 
@@ -140,10 +164,9 @@ impl Reader {
                 Ok(mut port) => {
                     said.clear();
                     self.shared.open.store(true, Relaxed);
-                    self.note(format!(
-                        "satellite receiver: {} is open, {} bits a second",
-                        self.device.path, self.device.baud
-                    ));
+                    let (path, baud) = (&self.device.path, self.device.baud);
+                    let text = format!("satellite receiver: {path} is open, {baud} bits a second");
+                    self.note(text, false);
                     let lost = self.listen(&mut *port);
                     self.shared.open.store(false, Relaxed);
                     if self.stopped() {
@@ -155,7 +178,8 @@ impl Reader {
                 Err(lost) => lost,
             };
             if lost != said {
-                self.note(format!("satellite receiver: {}: {lost}", self.device.path));
+                let text = format!("satellite receiver: {}: {lost}", self.device.path);
+                self.note(text, true);
                 said = lost;
             }
             for _ in 0..RETRY_WAITS {
@@ -171,7 +195,7 @@ impl Reader {
         let mut framer = Framer::default();
         let mut buffer = [0; CHUNK];
         let mut before_ns = monotonic_ns();
-        let byte_ns = 10_000_000_000 / i64::from(self.device.baud.max(1));
+        let byte_ns = self.device.byte_ns();
         while !self.stopped() {
             let count = match port.read(&mut buffer) {
                 Ok(0) => return "the device is gone".to_owned(),
@@ -181,15 +205,18 @@ impl Reader {
                     continue;
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return format!("read: {error}"),
+                Err(error) => return format!("the device is gone ({error})"),
             };
             let read_ns = monotonic_ns();
-            self.shared
-                .bytes
-                .fetch_add(schema::num::u64_of(count), Relaxed);
+            let counted = schema::num::u64_of(count);
+            self.shared.bytes.fetch_add(counted, Relaxed);
+            self.shared.strange.fetch_add(counted, Relaxed);
             for (at, byte) in buffer.iter().take(count).enumerate() {
                 let time_ns = byte_time(read_ns, count - 1 - at, byte_ns, before_ns);
                 if let Some(heard) = framer.push(*byte, time_ns) {
+                    if let Heard::Sentence { .. } = heard {
+                        self.shared.strange.store(0, Relaxed);
+                    }
                     self.hand(Told::Heard(heard));
                 }
             }
@@ -205,9 +232,9 @@ impl Reader {
         self.shared.stop.load(Relaxed)
     }
 
-    fn note(&self, text: String) {
+    fn note(&self, text: String, loss: bool) {
         let at_ns = monotonic_ns();
-        self.hand(Told::Note { at_ns, text });
+        self.hand(Told::Note { at_ns, text, loss });
     }
 
     fn hand(&self, told: Told) {

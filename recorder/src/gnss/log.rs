@@ -43,6 +43,22 @@ impl NmeaLog {
         Ok(head)
     }
 
+    /// The clock of the frames was set back: what was received by the clock before, between these times, will not come in
+    /// its turn. Gives the next of it.
+    ///
+    /// # Errors
+    /// When the log can not be read.
+    pub fn left_behind(
+        &mut self,
+        after_ns: i64,
+        until_ns: i64,
+    ) -> Result<Option<(i64, Heard)>, RecorderError> {
+        match self.head {
+            Some((at_ns, _)) if at_ns > after_ns => self.upto(until_ns),
+            _ => Ok(None),
+        }
+    }
+
     /// The log as the record names it.
     #[must_use]
     pub fn source_log(&self) -> SourceLog {

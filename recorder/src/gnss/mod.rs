@@ -2,20 +2,23 @@
 //! 0183 on a serial line ([`mod@line`], [`crate::nmea`]).
 //!
 //! A [`Receiver`] is a part of the pipeline and reads no clock; what it makes goes onto the ring's [`GnssTape`] and from
-//! there into the record. Frames of mapped messages, and sentences that are interpreted, are in the spool, so fixes are
-//! made again from them after a cut.
+//! there into the record. Frames of mapped messages, and all sentences, are in the spool, so fixes are made again from
+//! them after a cut.
 
 pub mod can;
 pub mod line;
 pub mod log;
+mod tally;
 mod tape;
 
 use schema::gnss::{Fix, FixQuality};
 use schema::num;
 
-use crate::config::{Gnss, GnssInput};
+use crate::config::{Device, Gnss, GnssInput};
 use crate::nmea::{Counts, Epochs, Heard, Kind, Reading, Text, read};
 use can::{Assembler, Field};
+pub use tally::Arrivals;
+use tally::Tally;
 pub use tape::GnssTape;
 use tape::seconds;
 
@@ -25,20 +28,14 @@ const DAY_NS: i64 = 86_400_000_000_000;
 /// The receiver's UTC and the recorder's differ by more than latency makes, ns.
 const APART_NS: i64 = 2_000_000_000;
 
+/// Bytes of the end of a line, which stand in no sentence.
+const LINE_END: usize = 2;
+
 /// What makes fixes.
 #[derive(Clone, Debug)]
 enum Maker {
     Can(Box<Assembler>),
     Nmea(Box<Epochs>),
-}
-
-/// How often something arrives.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Arrivals {
-    /// Key of a signal in `[gnss]`, or kind of a sentence.
-    pub name: String,
-    /// Times.
-    pub count: u64,
 }
 
 /// The state of a receiver since the start.
@@ -58,6 +55,8 @@ pub struct GnssState {
     pub counts: Counts,
     /// Each mapped signal, or each kind of sentence.
     pub arrivals: Vec<Arrivals>,
+    /// What it said was not given to this replay.
+    pub silent: bool,
 }
 
 /// What the receiver's UTC is worth beside the recorder's.
@@ -77,8 +76,14 @@ pub struct Receiver {
     maker: Maker,
     mapped: Vec<Field>,
     counts: Counts,
+    /// How often each kind of sentence comes.
+    tallies: [Tally; Kind::ALL.len()],
     fixes: u64,
     no_fix: u64,
+    /// Fixes that repeat the one before.
+    repeated: u64,
+    /// UTC as stated and position of the newest fix.
+    newest: Option<(i64, [f64; 2])>,
     last_fix_ns: Option<i64>,
     last: Option<(FixQuality, Option<u8>)>,
     clocks: Clocks,
@@ -86,6 +91,8 @@ pub struct Receiver {
     silent: bool,
     newest_ns: i64,
     offset_ns: i64,
+    /// What a byte takes on the line, ns; 0 where the source is CAN.
+    byte_ns: i64,
 }
 
 impl Receiver {
@@ -103,14 +110,18 @@ impl Receiver {
             maker,
             mapped,
             counts: Counts::default(),
+            tallies: [Tally::default(); Kind::ALL.len()],
             fixes: 0,
             no_fix: 0,
+            repeated: 0,
+            newest: None,
             last_fix_ns: None,
             last: None,
             clocks: Clocks::default(),
             silent: false,
             newest_ns: i64::MIN,
             offset_ns: 0,
+            byte_ns: settings.device().map_or(0, Device::byte_ns),
         }
     }
 
@@ -141,7 +152,7 @@ impl Receiver {
             return None;
         };
         let fix = can.frame()?;
-        Some(self.given(fix))
+        self.given(fix)
     }
 
     /// What came over the line, counted.
@@ -153,34 +164,45 @@ impl Receiver {
         }
     }
 
-    /// A sentence whose first byte came at this time, or that can not be placed in time and is only counted. Gives the
-    /// time to keep it under, where it is of an interpreted kind, and the fix that it ends.
-    pub fn sentence(&mut self, at_ns: Option<i64>, text: &Text) -> (Option<i64>, Option<Fix>) {
+    /// A sentence whose first byte came at this time on the line; or that can not be placed among the frames (no `at_ns`)
+    /// and is only counted. Gives the time to keep it under, where it is of an interpreted kind, and the fix that it ends.
+    pub fn sentence(
+        &mut self,
+        line_ns: i64,
+        at_ns: Option<i64>,
+        text: &Text,
+    ) -> (Option<i64>, Option<Fix>) {
         let Maker::Nmea(epochs) = &mut self.maker else {
             return (None, None);
         };
         // Sentences come in order over a line.
         let at_ns = at_ns.map(|at_ns| at_ns.max(self.newest_ns));
+        let bytes = i64::try_from(text.as_bytes().len() + LINE_END).unwrap_or(0);
+        let taken_ns = bytes * self.byte_ns;
+        let times = at_ns.map(|at_ns| (at_ns, at_ns.saturating_add(taken_ns)));
+        self.newest_ns = at_ns.unwrap_or(self.newest_ns);
         let (talker, message) = match read(text) {
             Reading::Unknown => {
                 self.counts.unknown += 1;
-                return (None, None);
+                let fix = times.and_then(|times| epochs.pass(times));
+                return (None, fix.and_then(|fix| self.given(fix)));
             }
             Reading::Malformed => {
                 self.counts.malformed += 1;
-                return (at_ns, None);
+                let fix = times.and_then(|times| epochs.pass(times));
+                return (at_ns, fix.and_then(|fix| self.given(fix)));
             }
             Reading::Message(talker, message) => (talker, message),
         };
-        if let Some(count) = self.counts.kinds.get_mut(message.kind().number()) {
+        let number = message.kind().number();
+        if let Some(count) = self.counts.kinds.get_mut(number) {
             *count += 1;
         }
-        let Some(at_ns) = at_ns else {
-            return (None, None);
-        };
-        self.newest_ns = at_ns;
-        let fix = epochs.take(at_ns, talker, &message);
-        (Some(at_ns), fix.map(|fix| self.given(fix)))
+        if let Some(tally) = self.tallies.get_mut(number) {
+            tally.arrive(line_ns);
+        }
+        let fix = times.and_then(|times| epochs.take(times, talker, &message));
+        (at_ns, fix.and_then(|fix| self.given(fix)))
     }
 
     /// Time has come to here; gives a fix that is over by that.
@@ -189,7 +211,7 @@ impl Receiver {
             Maker::Can(can) => can.advance(now_ns),
             Maker::Nmea(nmea) => nmea.advance(now_ns),
         }?;
-        Some(self.given(fix))
+        self.given(fix)
     }
 
     /// The fix that still grows, as it stands.
@@ -199,10 +221,22 @@ impl Receiver {
             Maker::Can(can) => can.preview(),
             Maker::Nmea(nmea) => nmea.preview(),
         }?;
-        Some(self.judged(fix, &mut Clocks::default()))
+        (!self.repeats(&fix)).then(|| self.judged(fix, &mut Clocks::default()))
     }
 
-    fn given(&mut self, fix: Fix) -> Fix {
+    /// A gateway may send a fix again and again until the next one, and a receiver that has lost its satellites too: with
+    /// the same UTC, and the same place. A car that drives on under the same UTC has a clock that shows seconds.
+    fn repeats(&self, fix: &Fix) -> bool {
+        let newest = fix.utc_ns.zip(fix.position);
+        newest.is_some() && newest == self.newest
+    }
+
+    fn given(&mut self, fix: Fix) -> Option<Fix> {
+        if self.repeats(&fix) {
+            self.repeated += 1;
+            return None;
+        }
+        self.newest = fix.utc_ns.zip(fix.position);
         let mut clocks = self.clocks;
         let fix = self.judged(fix, &mut clocks);
         self.clocks = clocks;
@@ -213,7 +247,7 @@ impl Receiver {
             self.no_fix += 1;
         }
         self.last = Some((fix.quality, fix.satellites));
-        fix
+        Some(fix)
     }
 
     /// A UTC that can not be is none. One of 1,024 weeks ago is a known fault of old receivers; that of an epoch without
@@ -241,21 +275,17 @@ impl Receiver {
     /// Its state.
     #[must_use]
     pub fn state(&self) -> GnssState {
-        let arrival = |name: &str, count: u64| Arrivals {
-            name: name.to_owned(),
-            count,
-        };
         let mut counts = self.counts;
         let arrivals = match &self.maker {
             Maker::Can(can) => {
-                let of = |field: &Field| arrival(field.key(), can.count(*field));
+                let of = |field: &Field| can.arrivals(*field);
                 self.mapped.iter().map(of).collect()
             }
             Maker::Nmea(epochs) => {
                 counts.late = epochs.late();
-                let kinds = Kind::ALL.iter().zip(counts.kinds);
+                let kinds = Kind::ALL.iter().zip(&self.tallies);
                 kinds
-                    .map(|(kind, count)| arrival(kind.word(), count))
+                    .map(|(kind, tally)| tally.arrivals(kind.word()))
                     .collect()
             }
         };
@@ -267,6 +297,7 @@ impl Receiver {
             satellites: self.last.and_then(|(_, satellites)| satellites),
             counts,
             arrivals,
+            silent: self.silent,
         }
     }
 
@@ -293,15 +324,10 @@ impl Receiver {
                         can.halved
                     ));
                 }
-                if can.repeated > 0 {
-                    notes.push(format!(
-                        "satellite receiver: {} fixes repeat the UTC of the one before, and are left out",
-                        can.repeated
-                    ));
-                }
                 if can.absurd > 0 {
                     notes.push(format!(
-                        "satellite receiver: {} values can not be, such as a latitude beyond the pole, and are missing",
+                        "satellite receiver: {} values are marked as none or can not be, such as a latitude beyond the pole, \
+                         and are missing",
                         can.absurd
                     ));
                 }
@@ -326,6 +352,12 @@ impl Receiver {
                     epochs.late()
                 ));
             }
+        }
+        if self.repeated > 0 {
+            notes.push(format!(
+                "satellite receiver: {} fixes repeat UTC and place of the one before, and are left out",
+                self.repeated
+            ));
         }
         notes.extend(self.clock_notes());
         notes

@@ -1,7 +1,7 @@
 //! Sentences of one instant become one fix.
 //!
 //! Sentences that state the same time of day are one epoch. One without a time (VTG, GSA) belongs to the epoch that is
-//! open, or opens the next one after a pause of 100 ms. A second sentence of a kind (GSA apart, which comes once a
+//! open, or opens the next one after a pause of 100 ms in which the line carried nothing at all. A second sentence of a kind (GSA apart, which comes once a
 //! constellation) begins the next epoch, unless another talker repeats the same instant. An epoch is over when the next
 //! one begins or nothing came for half a second.
 //!
@@ -12,7 +12,7 @@ use schema::gnss::{Fix, FixQuality};
 
 use super::message::{Gga, Gll, Gst, Kind, Message, Rmc, Vtg};
 
-/// A sentence without a time so long after the last one belongs to the next epoch, ns.
+/// A sentence without a time so long after the end of the last one belongs to the next epoch, ns.
 const PAUSE_NS: i64 = 100_000_000;
 /// An epoch is over when nothing came for so long, ns.
 const OVER_NS: i64 = 500_000_000;
@@ -48,7 +48,8 @@ impl Counts {
 #[derive(Clone, Copy, Debug)]
 struct Open {
     first_ns: i64,
-    newest_ns: i64,
+    /// The line was quiet since.
+    quiet_ns: i64,
     time: Option<i64>,
     date: Option<i64>,
     /// Who sent each kind.
@@ -96,8 +97,14 @@ impl Epochs {
         self.late
     }
 
-    /// A sentence, and the time its first byte came; gives the fix of the epoch that it ends, if it ends one.
-    pub fn take(&mut self, at_ns: i64, talker: [u8; 2], message: &Message) -> Option<Fix> {
+    /// A sentence, and the times its first byte came and its last one; gives the fix of the epoch that it ends, if it
+    /// ends one.
+    pub fn take(
+        &mut self,
+        (at_ns, end_ns): (i64, i64),
+        talker: [u8; 2],
+        message: &Message,
+    ) -> Option<Fix> {
         let over = self.advance(at_ns);
         let (kind, time) = (message.kind(), message.time());
         let place = match &self.open {
@@ -114,16 +121,26 @@ impl Epochs {
             Place::Within | Place::Repeats => None,
         };
         let open = self.open.get_or_insert_with(|| Open::new(at_ns));
-        open.newest_ns = at_ns;
+        open.quiet_ns = open.quiet_ns.max(end_ns);
         if place != Place::Repeats {
             open.add(talker, message);
         }
         over.or(fix)
     }
 
+    /// A sentence of another kind came between these times: it is no pause. Gives the fix of an epoch that was over by
+    /// then.
+    pub fn pass(&mut self, (at_ns, end_ns): (i64, i64)) -> Option<Fix> {
+        let over = self.advance(at_ns);
+        if let Some(open) = &mut self.open {
+            open.quiet_ns = open.quiet_ns.max(end_ns);
+        }
+        over
+    }
+
     /// Time has come to here: gives the fix of an epoch that is over by that.
     pub fn advance(&mut self, now_ns: i64) -> Option<Fix> {
-        let over = |open: &Open| now_ns.saturating_sub(open.newest_ns) > OVER_NS;
+        let over = |open: &Open| now_ns.saturating_sub(open.quiet_ns) > OVER_NS;
         if self.open.as_ref().is_some_and(over) {
             return self.close();
         }
@@ -229,7 +246,7 @@ impl Open {
     fn new(at_ns: i64) -> Self {
         Self {
             first_ns: at_ns,
-            newest_ns: at_ns,
+            quiet_ns: at_ns,
             time: None,
             date: None,
             talkers: [None; KINDS],
@@ -243,7 +260,7 @@ impl Open {
     }
 
     fn place(&self, at_ns: i64, talker: [u8; 2], kind: Kind, time: Option<i64>) -> Place {
-        let pause = at_ns.saturating_sub(self.newest_ns) > PAUSE_NS;
+        let pause = at_ns.saturating_sub(self.quiet_ns) > PAUSE_NS;
         let same = time.is_some() && time == self.time;
         let joins = match (time, self.time) {
             (Some(_), Some(_)) => same,

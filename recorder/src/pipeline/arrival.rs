@@ -24,6 +24,9 @@ impl Pipeline<'_> {
             self.first_ns = time.now_ns();
             self.sampler.begin(self.first_ns);
             self.time = Some(time);
+            for text in std::mem::take(&mut self.early) {
+                self.remark(frame.time_ns, &text);
+            }
             self.take(frame);
             return;
         };

@@ -26,7 +26,7 @@ impl Pipeline<'_> {
         let Heard::Sentence { text, .. } = heard else {
             return;
         };
-        let (kept, fix) = receiver.sentence(placed, text);
+        let (kept, fix) = receiver.sentence(line_ns, placed, text);
         if let Some(at_ns) = kept {
             for event in &mut self.events {
                 event.tape.gnss.push_sentence(at_ns, *text);
@@ -34,6 +34,13 @@ impl Pipeline<'_> {
             self.ring.gnss.push_sentence(at_ns, *text);
         }
         self.keep_fix(fix);
+    }
+
+    /// Sentences up to this time on the line can be placed among the frames; `None` before the first frame.
+    #[must_use]
+    pub fn hears_until_ns(&self) -> Option<i64> {
+        self.line_ns()
+            .map(|line_ns| line_ns.saturating_add(STRAY_NS))
     }
 
     /// The configured satellite receiver was not given to this replay: the record says so.

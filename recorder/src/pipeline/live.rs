@@ -28,6 +28,8 @@ const ALERT_NS: i64 = 1_000_000_000;
 const HIT_NS: i64 = 5_000_000_000;
 /// The car moves, m/s.
 const ROLLING: f64 = 2.0;
+/// Sentences that are kept until the first frame at most.
+const MOST_EARLY: usize = 20;
 /// Triggers asked for at once.
 const MOST_ASKED: usize = 16;
 
@@ -114,8 +116,9 @@ impl Pipeline<'_> {
         }
     }
 
+    /// A time of the line on the monotonic grid; its beginning where there was no frame yet.
     fn monotonic(&self, line_ns: i64) -> i64 {
-        self.time.map_or(line_ns, |time| time.monotonic(line_ns))
+        self.time.map_or(0, |time| time.monotonic(line_ns))
     }
 
     /// A trigger from the line onto this pipeline's own grid.
@@ -174,6 +177,13 @@ impl Pipeline<'_> {
 
     /// A sentence for records that hold this time on the line.
     pub fn remark(&mut self, line_ns: i64, text: &str) {
+        if self.time.is_none() {
+            // There is no grid yet to lay it on.
+            if self.early.len() < MOST_EARLY {
+                self.early.push(text.to_owned());
+            }
+            return;
+        }
         let at_ns = self.monotonic(line_ns);
         for event in &mut self.events {
             event.tape.push_note(at_ns, text.to_owned());

@@ -45,7 +45,8 @@ pub enum Entry {
         /// What.
         text: String,
     },
-    /// A sentence of the satellite receiver, of a kind that is kept. Of version 1 of the spool like all others: a program
+    /// A sentence of the satellite receiver, of any kind: also of one that the record does not keep it tells that the line
+    /// was not quiet. Of version 1 of the spool like all others: a program
     /// that does not know it can not read the configuration that asks for it either.
     Sentence {
         /// When its first byte came.
