@@ -310,16 +310,12 @@ fn soft_stands_leave_the_bounds_honest() {
                 println!(
                     "seed {seed}, a fix each {every:2} s: mean {mean:.2} m, inside {inside:.2}"
                 );
-                // With a fix each 5 s the filter that runs along had 0.80 of seed 2 inside: open, see the printed lines.
-                assert!(
-                    inside >= 0.85 || every > 1.0,
-                    "seed {seed}, each {every} s: {inside}"
-                );
+                assert!(inside >= 0.9, "seed {seed}, each {every} s: {inside}");
             }
         }
         let [_, five, ten] = means;
         for (five, ten) in five.into_iter().zip(ten) {
-            assert!(five < 2.0 * ten + 3.0, "seed {seed}: {means:?}");
+            assert!(five < 2.0 * ten + 1.0, "seed {seed}: {means:?}");
         }
     }
 }

@@ -65,6 +65,17 @@ pub struct Speed {
     pub sd: f64,
 }
 
+/// Heading of the car from elsewhere (a reference, a survey of where it stood).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Headed {
+    /// s of the box's clock.
+    pub t_s: f64,
+    /// Clockwise from north, rad.
+    pub heading: f64,
+    /// One sigma, rad.
+    pub sd: f64,
+}
+
 /// A drive.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Drive {
@@ -74,6 +85,8 @@ pub struct Drive {
     pub fixes: Vec<Fixed>,
     /// Speeds in order of time; empty where there are none.
     pub speeds: Vec<Speed>,
+    /// Headings in order of time; mostly none.
+    pub headings: Vec<Headed>,
 }
 
 /// Longest hole bridged by holding the last sample, s: after that the drive ends, and what follows is another one.
@@ -149,6 +162,7 @@ impl Drive {
             periods,
             fixes,
             speeds,
+            headings: Vec::new(),
         })
     }
 

@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::drive::{Drive, Fixed, ReckonError, Stamped};
+use super::drive::{Drive, Fixed, Headed, ReckonError, Stamped};
 use super::forward::{self, Estimate, Start};
 use super::published::{self, GnssFix, ImuSample, Initial, Input, Variant};
 use super::reference::{Reference, Second, compare};
@@ -28,6 +28,9 @@ const WINDOWS: usize = 6;
 const MOVING: f64 = 4.0;
 /// Samples in the windows with and without fixes.
 const LENGTHS: [usize; 2] = [30 * IMU_HZ, 120 * IMU_HZ];
+
+/// Heading that a window's filters begin with, one sigma, rad: the reference's, which is the truth here.
+const HEADING_SD: f64 = 0.002;
 
 /// One experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,8 +91,10 @@ pub struct Outcome {
     pub published_m: [f64; 2],
     /// Of ours from the same start, running, m.
     pub cold_m: f64,
-    /// Of ours that ran before, m.
+    /// Of ours that ran before and is told the heading where the window begins, as the published filter is, m.
     pub ours_m: f64,
+    /// Of ours that ran before and is not, m.
+    pub untold_m: f64,
     /// Of the same, smoothed, m.
     pub smoothed_m: f64,
     /// Full seconds, and those at which the truth is inside the ellipse of 95 % of ours, running.
@@ -262,13 +267,20 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         v_n: given.v_n.unwrap_or_else(Vector3::zeros),
         v_sd: given.v_sd,
         angles: [0.0, 0.0, city.truth[first].angles[2]],
-        angles_sd: [0.04, 0.04, 0.01],
+        angles_sd: [0.04, 0.04, HEADING_SD],
         rate_bias: Some((city.earlier_bias, bias_sd)),
     };
     let cold = forward::run(&cold, &standing(&cold), known, &start)?;
     // As the program: the bias of an earlier stop.
     let bias = (city.earlier_bias, known.rate_drift * EARLIER_S.sqrt());
-    let passed = ours(&part, known, Some(bias))?;
+    let untold = ours(&part, known, Some(bias))?;
+    let mut told = part;
+    told.headings = vec![Headed {
+        t_s: window.span[0],
+        heading: city.truth[first].angles[2],
+        sd: HEADING_SD,
+    }];
+    let passed = ours(&told, known, Some(bias))?;
     let running = window.seconds(&passed.estimates);
     let holds = running.iter().filter(|s| s.inside);
     Ok(Outcome {
@@ -276,6 +288,7 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         published_m,
         cold_m: most(&window.seconds(&cold.estimates)),
         ours_m: most(&running),
+        untold_m: most(&window.seconds(&untold.estimates)),
         smoothed_m: most(&window.seconds(&smooth(&passed))),
         inside: [running.len(), holds.count()],
     })

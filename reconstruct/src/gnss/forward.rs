@@ -2,7 +2,8 @@
 //!
 //! The motion is kept in the local north-east-down axes of an anchor that travels with the car: after every step the
 //! anchor is moved to the car and the axes turn to it, so that Earth rate, transport rate and Coriolis are exact. Satellite
-//! errors change slowly; each fix counts as the share of an independent fact that its distance from the last one gives.
+//! errors change slowly: what fixes share is a Gauss-Markov process along each axis, in the three states from [`PLACE`] on (the
+//! crash path holds the pose of its fixes there), in units of what a fix says of itself.
 
 mod estimate;
 mod fix;
@@ -12,14 +13,14 @@ use nalgebra::Vector3;
 
 use super::drive::{Drive, Period, ReckonError};
 use super::sheet::Sheet;
-use crate::error_model::{ATT, POS, STATES, VEL};
+use crate::error_model::{ATT, STATES, VEL};
 use crate::frame::{Rot, Vec3};
 use crate::mechanize::{Earth, Nav9, forward};
 use crate::refined::measure::{self, Scalar};
 use crate::refined::running::Running;
-use crate::refined::states::{BG, Nominal, PARAMS, Row, SLIP, SLIP_GRADIENT};
+use crate::refined::states::{BG, Nominal, PARAMS, PLACE, Row, SLIP, SLIP_GRADIENT};
 use crate::refined::tape::{Step, Tape};
-use crate::refined::transition::{Density, Transition};
+use crate::refined::transition::{Density, SHARED, Transition};
 use crate::wgs84::Geodetic;
 pub(super) use estimate::estimate;
 pub use estimate::{Estimate, Fate, FixUse};
@@ -73,7 +74,6 @@ struct Runner<'a> {
     run: Running,
     anchor: Geodetic,
     earth: Earth,
-    last_fix_t: Option<f64>,
     refused: u32,
     speeds_refused: u32,
     inflate: f64,
@@ -84,10 +84,6 @@ struct Runner<'a> {
     fates: Vec<(f64, Fate)>,
     /// What a turn of everything about the vertical since the last fix is, as the pass carried it: see [`Runner::bind`].
     turned: Row,
-    /// Variance of the place north, east, down that the last fix left out of the covariance, m^2: the mean of a few fixes is
-    /// no surer than what they have in common, and shares of independent facts are that only over times longer than the
-    /// filter remembers.
-    unseen: Vector3<f64>,
 }
 
 /// Runs the filter from `start` to the end of the drive. `standing` has one entry a period ([`super::stop`]).
@@ -120,6 +116,7 @@ pub fn run(
     let t_start = drive.periods[start.first].t_s;
     let mut next_fix = drive.fixes.partition_point(|f| f.t_s <= t_start);
     let mut next_speed = drive.speeds.partition_point(|s| s.t_s <= t_start);
+    let mut next_heading = drive.headings.partition_point(|h| h.t_s <= t_start);
     let list = drive.periods.iter().zip(standing).enumerate();
     for (k, (period, still)) in list.skip(start.first) {
         let stands = *still && (k == start.first || runner.may_stand());
@@ -133,6 +130,14 @@ pub fn run(
         while let Some(speed) = drive.speeds.get(next_speed).filter(|s| s.t_s <= period.t_s) {
             runner.speed(k, speed.speed, speed.sd);
             next_speed += 1;
+        }
+        while let Some(headed) = drive
+            .headings
+            .get(next_heading)
+            .filter(|h| h.t_s <= period.t_s)
+        {
+            runner.heading(headed, k);
+            next_heading += 1;
         }
         runner.constrain(k, stands);
         if let Some(found) = runner.run.failed {
@@ -151,9 +156,6 @@ pub fn run(
             sheet.mounting[0],
         ));
         if let Some(last) = estimates.last_mut() {
-            for axis in 0..3 {
-                last.p[(POS + axis, POS + axis)] += runner.unseen[axis];
-            }
             last.standing = stands;
             last.fixed = fixed;
         }
@@ -204,7 +206,6 @@ impl<'a> Runner<'a> {
             run: Running::new(&nominal, &prior(sheet, start, &nominal)),
             anchor: start.place,
             earth: Earth::at(start.place.latitude, 0.0),
-            last_fix_t: None,
             refused: 0,
             speeds_refused: 0,
             inflate: 1.0,
@@ -214,7 +215,6 @@ impl<'a> Runner<'a> {
             use_of: FixUse::default(),
             fates: Vec::new(),
             turned: turn_of(&nominal),
-            unseen: Vector3::zeros(),
         }
     }
 
@@ -259,10 +259,17 @@ impl<'a> Runner<'a> {
         ];
         let transition = transition
             .with_slip(tuning.slip_sd, tuning.slip_time_s, period.dt)
+            .with_shared(self.sheet.fix_time_s, period.dt)
             .with_jump(drift);
         transition.predict(&mut self.run.p);
         self.turned = transition.apply(&self.turned);
         self.run.nominal.cal[SLIP - STATES] *= transition.decay();
+        let mut shared = self
+            .run
+            .nominal
+            .cal
+            .fixed_rows_mut::<SHARED>(PLACE - STATES);
+        shared *= transition.shared();
         self.travel();
         transition
     }

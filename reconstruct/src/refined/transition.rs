@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::states::{BA, BG, Cov, DIM, MOUNT_PITCH, MOUNT_YAW, Row, SLIP, WHEEL_LEFT};
+use super::states::{BA, BG, Cov, DIM, MOUNT_PITCH, MOUNT_YAW, PLACE, Row, SLIP, WHEEL_LEFT};
 use crate::error_model::{ATT, Drive, POS, STATES, VEL};
 use crate::frame::{Body, Nav, Rot, Vec3, skew};
 use crate::mechanize::StepView;
@@ -14,6 +14,9 @@ use crate::mechanize::StepView;
 const BY_VELOCITY: usize = MOUNT_PITCH + 1 - BA;
 /// States that drive the angles: mounting, gyro biases and scales.
 const BY_ANGLE: usize = WHEEL_LEFT - MOUNT_YAW;
+
+/// Errors that fixes share.
+pub const SHARED: usize = 3;
 
 /// Transition of one backward step and its noise.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +28,8 @@ pub struct Transition {
     angle: [Vector3<f64>; BY_ANGLE],
     /// Factor of the sideslip process.
     decay: f64,
+    /// Factor of the errors that fixes share, [`PLACE`] and the two after it: 1 where they stay as they are.
+    shared: f64,
     /// Noise of position, velocity and angles.
     pub q: SMatrix<f64, STATES, STATES>,
     /// Variance added to the sideslip.
@@ -89,6 +94,7 @@ impl Transition {
             velocity,
             angle,
             decay: 1.0,
+            shared: 1.0,
             q: noise(&view.f_n.v, &sa, &sg, h),
             q_slip: 0.0,
             jump: [0.0; 2],
@@ -123,6 +129,7 @@ impl Transition {
             velocity: [Vector3::zeros(); BY_VELOCITY],
             angle: [Vector3::zeros(); BY_ANGLE],
             decay: 1.0,
+            shared: 1.0,
             q,
             q_slip: 0.0,
             jump: [0.0; 2],
@@ -135,6 +142,13 @@ impl Transition {
     pub fn with_slip(mut self, sd: f64, time_s: f64, dt: f64) -> Self {
         self.decay = (-dt / time_s).exp();
         self.q_slip = sd * sd * (1.0 - self.decay * self.decay);
+        self
+    }
+
+    /// Lets the three errors that fixes share, of unit variance, run for `dt` seconds with their correlation time.
+    #[must_use]
+    pub fn with_shared(mut self, time_s: f64, dt: f64) -> Self {
+        self.shared = (-dt / time_s).exp();
         self
     }
 
@@ -169,12 +183,19 @@ impl Transition {
         self.decay
     }
 
+    /// Factor of the errors that fixes share.
+    #[must_use]
+    pub fn shared(&self) -> f64 {
+        self.shared
+    }
+
     /// The way back: `Phi^-1` without noise. `F` is nilpotent, so it is the same step with the opposite sign.
     #[must_use]
     pub fn inverse(&self) -> Self {
         Self {
             h: -self.h,
             decay: 1.0 / self.decay,
+            shared: 1.0 / self.shared,
             q: SMatrix::zeros(),
             q_slip: 0.0,
             jump: [0.0; 2],
@@ -205,6 +226,13 @@ impl Transition {
         }
         for x in p.column_mut(SLIP).iter_mut() {
             *x *= self.decay;
+        }
+        let kept = self.shared * self.shared;
+        if kept < 1.0 {
+            p.fixed_columns_mut::<SHARED>(PLACE).scale_mut(self.shared);
+            for i in PLACE..PLACE + SHARED {
+                p[(i, i)] += 1.0 - kept;
+            }
         }
         for r in 0..STATES {
             let mut row = [0.0; DIM];
@@ -260,6 +288,9 @@ impl Transition {
         let p = p - by_p * h;
         put(x, &r, &v, &p);
         x[SLIP] *= self.decay;
+        for x in &mut x[PLACE..PLACE + SHARED] {
+            *x *= self.shared;
+        }
     }
 
     fn adjoint(&self, x: &mut [f64]) {
@@ -279,6 +310,9 @@ impl Transition {
         let v = v - r * h;
         put(x, &r, &v, &p);
         x[SLIP] *= self.decay;
+        for x in &mut x[PLACE..PLACE + SHARED] {
+            *x *= self.shared;
+        }
     }
 }
 
@@ -404,6 +438,7 @@ mod tests {
         let step = Transition::moving(&view, &f_b, &w_b, 0.05, &density, &Matrix3::identity())
             .with_slip(0.01, 1.0, 0.05);
         let x = Row::from_fn(|i, _| real(1 + 3 * i).sin());
+        let step = step.with_shared(20.0, 0.05);
         assert!((step.inverse().apply(&step.apply(&x)) - x).norm() < 1e-14);
     }
 
@@ -412,6 +447,7 @@ mod tests {
         let (view, f_b, w_b, density) = sample();
         let step = Transition::moving(&view, &f_b, &w_b, 0.01, &density, &Matrix3::identity())
             .with_slip(0.01, 1.0, 0.01)
+            .with_shared(2.0, 0.01)
             .with_jump([0.1, 0.2]);
         let root = Cov::from_fn(|i, j| real(1 + 3 * i + 7 * j).sin());
         let p = root * root.transpose();
@@ -426,6 +462,7 @@ mod tests {
         view9 += step.q;
         want[(SLIP, SLIP)] += step.q_slip;
         for axis in 0..3 {
+            want[(PLACE + axis, PLACE + axis)] += 1.0 - step.shared.powi(2);
             want[(BA + axis, BA + axis)] += 0.1;
             want[(BG + axis, BG + axis)] += 0.2;
         }

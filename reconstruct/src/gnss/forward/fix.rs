@@ -1,14 +1,16 @@
 //! What a fix tells: place and velocity, with the share of news that its distance from the last one gives.
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::Vector3;
 
 use super::{Fate, GATE, Runner, turn_of};
 use crate::error_model::{ATT, POS, VEL};
 use crate::frame::skew;
-use crate::gnss::drive::Fixed;
+use crate::gnss::drive::{Fixed, Headed};
 use crate::refined::measure::Scalar;
 use crate::refined::running::Running;
-use crate::refined::states::Row;
+use crate::refined::states::{PLACE, Row};
 use crate::refined::tape::Source;
 
 /// Refusals of a position, or of a velocity, in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
@@ -18,34 +20,33 @@ impl Runner<'_> {
     /// Position and velocity of a fix, true `age` before the state.
     pub(super) fn fix(&mut self, fix: &Fixed, t_s: f64) {
         self.use_of.offered += 1;
-        let since = self.last_fix_t.map_or(f64::INFINITY, |t| fix.t_s - t);
-        self.last_fix_t = Some(fix.t_s);
         let age = t_s - fix.t_s;
         let lever = self.run.nominal.nav.c_nb.m * self.sheet.antenna;
         let wanted = self.anchor.to(&fix.place);
         let sd = fix.place_sd.zip_map(&self.sheet.fix_floor, f64::max);
-        let counts = (2.0 * self.sheet.fix_time_s / since.max(1e-3)).max(1.0);
-        let variance = |axis: usize| {
-            let share = self.sheet.fix_correlated;
-            sd[axis].powi(2) * (share * counts + 1.0 - share)
-        };
-        let row = |run: &Running, axis: usize, r: f64| {
+        let share = self.sheet.fix_correlated;
+        let inflate = self.inflate;
+        let row = |run: &Running, axis: usize| {
             let nav = &run.nominal.nav;
+            let shared = share.sqrt() * sd[axis];
             let mut h = Row::zeros();
             h[POS + axis] = 1.0;
             h[VEL + axis] = -age;
+            h[PLACE + axis] = -shared;
             h.fixed_rows_mut::<3>(ATT)
                 .copy_from(&skew(&lever).row(axis).transpose());
             Scalar {
                 source: Source::Fix,
-                residual: nav.r_n.v[axis] + lever[axis] - nav.v_n.v[axis] * age - wanted[axis],
+                residual: nav.r_n.v[axis] + lever[axis] - nav.v_n.v[axis] * age
+                    + shared * run.nominal.value(PLACE + axis)
+                    - wanted[axis],
                 h,
-                r,
+                r: sd[axis].powi(2) * (inflate - share),
             }
         };
         let mut worst: f64 = 0.0;
         for axis in 0..3 {
-            let z = row(&self.run, axis, variance(axis) * self.inflate);
+            let z = row(&self.run, axis);
             let s = z.h.dot(&(self.run.p * z.h)) + z.r;
             worst = worst.max(z.residual.powi(2) / s);
         }
@@ -61,7 +62,7 @@ impl Runner<'_> {
             let fate = if forced { Fate::Forced } else { Fate::Used };
             self.fates.push((fix.t_s, fate));
             for axis in 0..3 {
-                let mut z = row(&self.run, axis, variance(axis) * self.inflate);
+                let mut z = row(&self.run, axis);
                 if forced {
                     z.r += z.residual.powi(2);
                 }
@@ -71,9 +72,6 @@ impl Runner<'_> {
         self.adapt(worst);
         self.fix_velocity(fix, age);
         self.turned = turn_of(&self.run.nominal);
-        let common = sd.map(|sd| self.sheet.fix_correlated * sd * sd);
-        self.unseen =
-            Vector3::from_fn(|i, _| (common[i] - self.run.p[(POS + i, POS + i)]).max(0.0));
     }
 
     /// The noise of fixes grows where they jump more than they say, and comes back. The largest of three squares of one
@@ -130,5 +128,24 @@ impl Runner<'_> {
         } else {
             0
         };
+    }
+
+    /// Where north is, from elsewhere.
+    pub(super) fn heading(&mut self, headed: &Headed, k: usize) {
+        let period = &self.drive.periods[k];
+        let nominal = &self.run.nominal;
+        let (_, _, heading) = nominal.nav.c_nb.euler();
+        let since = nominal.rate(&period.rate, &self.earth).v.z * (period.t_s - headed.t_s);
+        let mut h = Row::zeros();
+        h.fixed_rows_mut::<3>(ATT)
+            .copy_from(&nominal.nav.c_nb.euler_jacobian().row(2).transpose());
+        let z = Scalar {
+            source: Source::Fix,
+            residual: (heading - since - headed.heading + 3.0 * PI).rem_euclid(TAU) - PI,
+            h,
+            r: headed.sd.powi(2),
+        };
+        self.run.apply(&z, f64::INFINITY);
+        self.turned = turn_of(&self.run.nominal);
     }
 }

@@ -6,7 +6,7 @@ use crate::error_model::{ATT, POS, VEL};
 use crate::gnss::drive::{Drive, ReckonError};
 use crate::gnss::sheet::Sheet;
 use crate::refined::states::{
-    BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, SA, SG, SLIP, SLIP_GRADIENT,
+    BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PLACE, SA, SG, SLIP, SLIP_GRADIENT,
 };
 use crate::wgs84::Geodetic;
 
@@ -15,9 +15,9 @@ use crate::wgs84::Geodetic;
 pub struct Start {
     /// Index of the period.
     pub first: usize,
-    /// Place.
+    /// Place: that of a fix.
     pub place: Geodetic,
-    /// One sigma of it, north, east, down, m.
+    /// One sigma of it, north, east, down, m; not less than the sheet's.
     pub place_sd: Vector3<f64>,
     /// Velocity, m/s.
     pub v_n: Vector3<f64>,
@@ -89,10 +89,12 @@ const STAND_BIAS_SD: f64 = 5e-4;
 
 /// What is known at the start.
 pub(super) fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
+    let place_sd = start.place_sd.zip_map(&sheet.fix_floor, f64::max);
     let mut p = Cov::from_diagonal_element(1e-12);
     let mut set = |state: usize, sd: f64| p[(state, state)] = (sd * sd).max(1e-12);
     for axis in 0..3 {
-        set(POS + axis, start.place_sd[axis]);
+        set(POS + axis, place_sd[axis]);
+        set(PLACE + axis, 1.0);
         set(VEL + axis, start.v_sd[axis]);
         set(BA + axis, sheet.accel_bias);
         set(SA + axis, sheet.accel_scale);
@@ -104,6 +106,12 @@ pub(super) fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
     set(SLIP_GRADIENT, sheet.tuning.slip_gradient[1]);
     set(SLIP, sheet.tuning.slip_sd);
     set(LEVER, sheet.geometry.imu_sd.x);
+    // The place is that of a fix: what this shares with the next is an error of both.
+    for axis in 0..3 {
+        let shared = sheet.fix_correlated.sqrt() * place_sd[axis];
+        p[(POS + axis, PLACE + axis)] = shared;
+        p[(PLACE + axis, POS + axis)] = shared;
+    }
     // Errors of roll, pitch and heading as platform angles: euler error = J psi.
     let jacobian = nominal.nav.c_nb.euler_jacobian();
     let angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
