@@ -65,8 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     }
     let logs = gnss_logs::read(&args.logs)?;
     let sheet = Sheet::default();
-    let axes = args.logs.axes.into();
-    let fixed = logs::fixes(&logs.fixes, args.logs.latency, &sheet);
+    let axes = args.logs.choice.axes.into();
+    let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
     let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         input: &input,
         known: &known,
         reference: &logs.reference,
-        latency_s: args.logs.latency,
+        latency_s: args.logs.choice.latency,
     };
     let wanted = [
         args.filter != Filters::Refined,

@@ -68,9 +68,14 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         Vec::new()
     };
     let sheet = Sheet::default();
-    let fixed = logs::fixes(&logs.fixes, args.logs.latency, &sheet);
-    let drive = logs::drive(&logs.motions, &args.logs.axes.into(), fixed, Vec::new())
-        .map_err(|e| failed(&e))?;
+    let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
+    let drive = logs::drive(
+        &logs.motions,
+        &args.logs.choice.axes.into(),
+        fixed,
+        Vec::new(),
+    )
+    .map_err(|e| failed(&e))?;
     let (track, used, shots) = match args.filter {
         Filter::Refined => refined(args, &drive, speeds)?,
         Filter::Published => by_published(args, &logs, &drive, &speeds)?,
@@ -103,7 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let summary = json!({
         "filter": args.filter.to_possible_value().map(|v| v.get_name().to_owned()),
         "smoothed": args.filter == Filter::Refined && !args.no_smoother,
-        "fixes_every_s": args.every, "latency_s": args.logs.latency, "stop_detector": !args.no_stop,
+        "fixes_every_s": args.every, "latency_s": args.logs.choice.latency, "stop_detector": !args.no_stop,
         "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
         "samples": track.len(), "fixes": used,
         "standing_s": standing_s(&track),
@@ -202,8 +207,8 @@ fn by_published(
     drive: &Drive,
     speeds: &[Speed],
 ) -> Result<Reckoned, CliError> {
-    let latency_s = args.logs.latency;
-    let mut input = logs::published(&logs.motions, &args.logs.axes.into(), &logs.fixes);
+    let latency_s = args.logs.choice.latency;
+    let mut input = logs::published(&logs.motions, &args.logs.choice.axes.into(), &logs.fixes);
     let moving = input
         .fixes
         .iter()
