@@ -8,8 +8,9 @@ use super::plan::{Frame, LEFT, POINTS, REFUSED, RIGHT, TOP, thinned, within};
 use super::stage::{SIZE, WIDTH, cross};
 use super::{RECEIVER, Shown};
 use crate::gnss::forward::{Estimate, Fate};
-use crate::report::axis::{round_step, step_decimals};
+use crate::report::axis::step_decimals;
 use crate::report::labels::{Area, Placer};
+use crate::report::plan_signs::{ScaleBar, arrow, plate};
 use crate::report::svg::{Anchor, Svg, signed};
 
 /// Fixes, one of a kind a cell of the picture; cells grow until few are left.
@@ -117,9 +118,8 @@ pub(super) fn labels(
 }
 
 fn north_and_scale(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
-    let metres = round_step(90.0 / frame.per_metre);
-    let length = metres * frame.per_metre;
-    let (w, h) = (length.max(60.0) + 70.0, 44.0);
+    let bar = ScaleBar::about(90.0, frame.per_metre);
+    let (w, h) = (bar.length.max(60.0) + 70.0, 44.0);
     let (right, low) = (WIDTH - RIGHT - w - 6.0, TOP + frame.height - h - 6.0);
     let corner = |x: f64, y: f64| Area { x, y, w, h };
     let corners = [
@@ -129,39 +129,9 @@ fn north_and_scale(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
         corner(right, low),
     ];
     let [x, y] = placer.emptier(&corners, [0.0, 0.0]);
-    svg.rect([x, y], [w, h], "fill=\"#fff\" fill-opacity=\"0.86\"");
-    svg.line(
-        [x + 12.0, y + 38.0],
-        [x + 12.0, y + 14.0],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    svg.polygon(
-        &[
-            [x + 12.0, y + 5.0],
-            [x + 17.0, y + 16.0],
-            [x + 7.0, y + 16.0],
-        ],
-        "fill=\"#111\"",
-    );
-    svg.text([x + 20.0, y + 20.0], SIZE, Anchor::Start, "", "N");
-    let (from, foot) = (x + 42.0, y + 34.0);
-    svg.polyline(
-        &[
-            [from, foot - 6.0],
-            [from, foot],
-            [from + length, foot],
-            [from + length, foot - 6.0],
-        ],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    let text = format!("{} m", signed(metres, step_decimals(metres)));
-    svg.text(
-        [from + 0.5 * length, foot - 9.0],
-        SIZE,
-        Anchor::Middle,
-        "",
-        &text,
-    );
+    plate(svg, corner(x, y));
+    arrow(svg, [x + 12.0, y + 8.0], SIZE, "N");
+    bar.draw(svg, [x + 42.0, y + 34.0], SIZE);
 }
 
 pub(super) fn grid(svg: &mut Svg, frame: &Frame) {
