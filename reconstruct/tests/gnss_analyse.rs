@@ -9,9 +9,9 @@
 #[path = "support/analyse.rs"]
 mod made;
 
-use made::{drives, made, numbered, settings, told};
+use made::{drives, made, settings, told, told_as};
+use reconstruct::gnss::analyse::Settings;
 use reconstruct::gnss::analyse::spans::Situation;
-use reconstruct::gnss::analyse::{Logs, Settings, analyse};
 use reconstruct::gnss::rows::Fix;
 use reconstruct::simulate::city::BoxSheet;
 use schema::num::real;
@@ -172,17 +172,11 @@ fn rest_is_told_from_stop_by_vibration_and_by_the_user() {
         "{}",
         a.spans.told_by
     );
-    let motions = numbered(&m.motions);
-    let logs = Logs {
-        fixes: &m.fixes,
-        motions: &motions,
-        reference: &[],
-    };
     let given = Settings {
         rest: vec![[stands[0].from_s, stands[0].to_s]],
         ..settings()
     };
-    let a = analyse(&logs, &given);
+    let a = told_as(&m.fixes, &m.motions, &[], &given);
     assert_eq!(a.spans.stands[0].situation, Situation::Rest);
     assert!(
         a.spans.stands[1..]

@@ -67,6 +67,19 @@ pub struct Settings {
     pub latitude: Option<f64>,
 }
 
+impl Settings {
+    /// Of logs of which no rest and no latitude is known.
+    #[must_use]
+    pub fn new(axes: Axes, latency_s: f64) -> Self {
+        Self {
+            axes,
+            latency_s,
+            rest: Vec::new(),
+            latitude: None,
+        }
+    }
+}
+
 /// What the logs tell. An `Err` is a sentence why a part is not told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
