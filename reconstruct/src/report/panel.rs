@@ -67,7 +67,13 @@ impl Panel<'_> {
     pub fn start(&self, svg: &mut Svg, shaded: &[[f64; 2]]) {
         self.start_bare(svg, shaded);
         let (a, value) = (self.area, self.value());
-        let (ticks, step) = value.ticks((a.h / (self.size * 1.7)).max(2.0));
+        let wanted = (a.h / (self.size * 1.7)).max(2.0);
+        let mut found = value.ticks(wanted);
+        // Two numbers hardly make a scale.
+        if found.0.len() < 3 {
+            found = value.ticks(1.6 * wanted);
+        }
+        let (ticks, step) = found;
         for v in ticks {
             let y = value.at(v);
             let style = if v.abs() < 1e-9 {
@@ -228,7 +234,17 @@ impl Panel<'_> {
                 ],
                 "fill=\"#111\"",
             );
-            let text = format!("off scale: {} {unit} at {} s", signed(v, 0), signed(t, 2));
+            // Hundredths of a second are for a crash, not for a drive.
+            let decimals = if self.span[1] - self.span[0] > 50.0 {
+                0
+            } else {
+                2
+            };
+            let text = format!(
+                "off scale: {} {unit} at {} s",
+                signed(v, 0),
+                signed(t, decimals)
+            );
             let size = self.size * 0.92;
             let w = text_width(&text, size);
             let left = if x - 10.0 - w > self.area.x {

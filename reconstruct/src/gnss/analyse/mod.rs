@@ -124,11 +124,17 @@ pub fn analyse(logs: &Logs<'_>, settings: &Settings) -> Analysis {
         None if !ok => Err(why.to_owned()),
         None => Ok(()),
     };
-    let biases = told(
-        !spans.stands.is_empty(),
-        "Cannot tell: the box never stands still for two seconds.",
-    )
-    .map(|()| spread::biases(&spans));
+    // Without fixes the detector asks for less vibration than an engine makes.
+    let [never_stands, never_lies] = if logs.fixes.is_empty() {
+        ["Cannot tell: no two seconds are still enough to be told from slow driving without fixes (--fixes, or --rest for spans with the engine off).";
+            2]
+    } else {
+        [
+            "Cannot tell: the box never stands still for two seconds.",
+            "Cannot tell: the box never lies still for two seconds.",
+        ]
+    };
+    let biases = told(!spans.stands.is_empty(), never_stands).map(|()| spread::biases(&spans));
     let drifts = [0, 1, 2].map(|axis| {
         let list = biases.as_ref().ok()?;
         spread::drift(&list.iter().map(|b| b.rate[axis]).collect::<Vec<_>>())
@@ -142,11 +148,8 @@ pub fn analyse(logs: &Logs<'_>, settings: &Settings) -> Analysis {
     Analysis {
         receivers,
         spreads: told(true, "").map(|()| spread::spreads(&spans)),
-        positions: told(
-            !spans.stands.is_empty(),
-            "Cannot tell: the box never lies still for two seconds.",
-        )
-        .map(|()| positions::table(&spans, latitude)),
+        positions: told(!spans.stands.is_empty(), never_lies)
+            .map(|()| positions::table(&spans, latitude)),
         events: told(true, "").map(|()| limits::events(&spans)),
         allan: told(true, "").and_then(|()| allan::allan(&spans)),
         biases,

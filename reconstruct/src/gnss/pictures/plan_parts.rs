@@ -53,6 +53,7 @@ pub(super) fn labels(
     frame: &Frame,
     shown: &Shown<'_>,
     track: &[&Estimate],
+    rings: &[Vec<[f64; 2]>],
     near: bool,
 ) {
     let bounds = Area {
@@ -62,16 +63,11 @@ pub(super) fn labels(
         h: frame.height,
     };
     let line: Vec<[f64; 2]> = track.iter().map(|e| frame.at(&e.place)).collect();
-    let mut placer = Placer::new(bounds, thinned(&line));
+    let mut kept_free = thinned(&line);
+    kept_free.extend(rings.iter().flatten());
+    let mut placer = Placer::new(bounds, kept_free);
     north_and_scale(svg, frame, &mut placer);
-    let runs = track.chunk_by(|a, b| a.standing == b.standing);
-    let mut stands: Vec<(f64, f64, [f64; 2])> = runs
-        .filter(|run| run[0].standing && run.len() > 1)
-        .map(|run| {
-            let t = run[0].t_s;
-            (run[run.len() - 1].t_s - t, t, frame.at(&run[0].place))
-        })
-        .collect();
+    let mut stands = stands(frame, track);
     stands.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, _, [x, y]) in stands.iter().take(400) {
         let style = "fill=\"#111\" stroke=\"#fff\" stroke-width=\"1\"";
@@ -115,6 +111,22 @@ pub(super) fn labels(
     for (at, text) in said {
         placer.label(svg, at, 13.0, false, &[text]);
     }
+}
+
+/// Length, begin and place of each stand; those less than a second apart are one.
+fn stands(frame: &Frame, track: &[&Estimate]) -> Vec<(f64, f64, [f64; 2])> {
+    let mut out: Vec<(f64, f64, [f64; 2])> = Vec::new();
+    for run in track.chunk_by(|a, b| a.standing == b.standing) {
+        if !run[0].standing || run.len() < 2 {
+            continue;
+        }
+        let (from, to) = (run[0].t_s, run[run.len() - 1].t_s);
+        match out.last_mut() {
+            Some(last) if from - (last.0 + last.1) < 1.0 => last.0 = to - last.1,
+            _ => out.push((to - from, from, frame.at(&run[0].place))),
+        }
+    }
+    out
 }
 
 fn north_and_scale(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
