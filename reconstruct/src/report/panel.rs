@@ -134,9 +134,12 @@ impl Panel<'_> {
             );
             if self.time_label.is_some() {
                 let text = signed(t, step_decimals(step));
+                let size = self.size * 0.92;
+                // The last one ends with the frame: at the picture's edge a scroll bar or a wider font would cut it.
+                let most = a.x + a.w - 0.5 * text_width(&text, size);
                 svg.text(
-                    [x, a.y + a.h + self.size * 1.15],
-                    self.size * 0.92,
+                    [x.min(most), a.y + a.h + self.size * 1.15],
+                    size,
                     Anchor::Middle,
                     "fill=\"#333\"",
                     &text,
@@ -354,7 +357,43 @@ fn thin(run: &[Known], columns: f64) -> Vec<Column> {
 
 #[cfg(test)]
 mod tests {
-    use super::{runs, thin};
+    use super::{Panel, runs, thin};
+    use crate::report::labels::Area;
+    use crate::report::svg::Svg;
+
+    #[test]
+    fn the_last_number_of_the_time_axis_ends_with_the_frame() {
+        let panel = Panel {
+            title: "",
+            area: Area {
+                x: 64.0,
+                y: 24.0,
+                w: 920.0,
+                h: 118.0,
+            },
+            span: [-30.0, 10.0],
+            range: [0.0, 1.0],
+            time_factor: 1.0,
+            time_label: Some("seconds"),
+            size: 15.0,
+            id: "p",
+        };
+        let mut svg = Svg::new();
+        panel.start(&mut svg, &[]);
+        let body = svg.into_body();
+        let x = |label: &str| -> f64 {
+            let line = body
+                .lines()
+                .find(|l| l.ends_with(&format!(">{label}</text>")));
+            let rest = line.and_then(|l| l.split("x=\"").nth(1)).unwrap();
+            rest.split('"').next().unwrap().parse().unwrap()
+        };
+        assert!(
+            x("10") < 977.0 && (x("5") - 869.0).abs() < 0.1,
+            "{}",
+            x("10")
+        );
+    }
 
     #[test]
     fn thinning_keeps_the_peak_and_missing_values_break_the_line() {
