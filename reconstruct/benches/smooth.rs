@@ -12,12 +12,14 @@
 
 #[path = "../tests/support/crash.rs"]
 mod crash;
+#[path = "../tests/support/floor.rs"]
+mod floor;
 
 use std::hint::black_box;
 use std::time::Instant;
 
 use crash::Crash;
-use nalgebra::{SMatrix, SVector};
+use floor::{clock, forward, rows, sweep};
 use reconstruct::refined::pass::Given;
 use reconstruct::refined::{self, Tuning};
 use reconstruct::simulate::{Class, Scenario};
@@ -25,46 +27,6 @@ use reconstruct::smooth::Smoother;
 use reconstruct::smooth::batch::solve;
 use reconstruct::smooth::relinear::Ground;
 use schema::num::real;
-
-type M15 = SMatrix<f64, 15, 15>;
-
-/// Time that this thread was on a core, s, where the system tells it: other work on the machine does not count.
-fn clock(begin: Instant) -> f64 {
-    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let on_core = stat.split(' ').next().and_then(|ns| ns.parse::<f64>().ok());
-    on_core.map_or_else(|| begin.elapsed().as_secs_f64(), |ns| ns * 1e-9)
-}
-
-/// Forward and back over `n` epochs.
-fn floor(n: usize, rows: &[SVector<f64, 15>; 2]) -> f64 {
-    let mut f = M15::identity();
-    for i in 0..6 {
-        f[(i, i + 3)] = 0.01;
-        f[(i, i + 9)] += 0.001;
-    }
-    let q = M15::identity() * 1e-6;
-    let mut p = M15::identity();
-    let mut list = Vec::with_capacity(n);
-    for _ in 0..n {
-        let predicted = f * p * f.transpose() + q;
-        p = predicted;
-        for row in rows {
-            let s = p * row;
-            let k = s / (row.dot(&s) + 0.01);
-            p -= k * s.transpose();
-        }
-        list.push((predicted, p));
-    }
-    let mut smoothed = p;
-    let mut sum = 0.0;
-    for k in (0..n - 1).rev() {
-        let (predicted, filtered) = (list[k + 1].0, list[k].1);
-        let gain = filtered * f.transpose() * predicted.cholesky().unwrap().inverse();
-        smoothed = filtered + gain * (smoothed - predicted) * gain.transpose();
-        sum += smoothed[(0, 0)];
-    }
-    sum
-}
 
 /// Median and least.
 fn median(values: &mut [f64]) -> [f64; 2] {
@@ -79,7 +41,7 @@ fn main() {
     let setup = crash.setup();
     let n = crash.epochs.list.len();
     let tuning = Tuning::default();
-    let rows = [0.3_f64, -0.2].map(|s| SVector::<f64, 15>::from_fn(|i, _| s + 0.1 * real(i)));
+    let rows = rows();
     let mut times: [Vec<f64>; 5] = [const { Vec::new() }; 5];
     let origin = Instant::now();
     let mut time = |at: usize, run: &mut dyn FnMut()| {
@@ -89,7 +51,7 @@ fn main() {
     };
     for _ in 0..15 {
         time(0, &mut || {
-            black_box(floor(n, black_box(&rows)));
+            black_box(sweep(&forward(n, black_box(&rows))));
         });
         for (at, smoother) in [
             (1, Smoother::None),

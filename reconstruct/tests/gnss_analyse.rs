@@ -9,9 +9,9 @@
 #[path = "support/analyse.rs"]
 mod made;
 
-use made::{drives, made, numbered, settings, told};
+use made::{drives, made, settings, told, told_as};
+use reconstruct::gnss::analyse::Settings;
 use reconstruct::gnss::analyse::spans::Situation;
-use reconstruct::gnss::analyse::{Logs, Settings, analyse};
 use reconstruct::gnss::rows::Fix;
 use reconstruct::simulate::city::BoxSheet;
 use schema::num::real;
@@ -71,9 +71,28 @@ fn delay_deviation_and_stated_accuracy_of_a_receiver() {
     assert!(said.contains("too small"), "{said}");
 }
 
+/// A short drive leaves the delay unsure, and a delay wrong by hundredths of a second is metres on a fast road.
+#[test]
+fn an_unsure_delay_is_not_held_against_the_receiver() {
+    let (mut blamed, mut open) = (0, 0);
+    for m in drives() {
+        let a = told(&m.fixes[..m.fixes.len().min(50)], &[], &m.reference);
+        let list = a.receivers.as_ref().unwrap();
+        let Ok(r) = &list[0] else { continue };
+        let said = r.honesty[0].as_ref().unwrap().verdict();
+        blamed += usize::from(said.contains("too small"));
+        open += usize::from(said.contains("not to be judged"));
+        assert!(r.taken().is_none() || r.speed.unwrap() >= 0.0);
+    }
+    println!("of 40 drives of 50 s: called too small {blamed}, not to be judged {open}");
+    assert!(blamed <= 3, "{blamed}");
+}
+
 #[test]
 fn what_is_missing_is_said() {
     let m = made(90_002);
+    let alone = told(&m.reference, &[], &[]);
+    assert!(alone.receivers.unwrap_err().contains("reference alone"));
     let none = told(&m.fixes, &m.motions, &[]);
     assert!(none.receivers.unwrap_err().contains("no reference"));
     let standing: Vec<Fix> = m.reference.iter().take(1).copied().collect();
@@ -172,17 +191,11 @@ fn rest_is_told_from_stop_by_vibration_and_by_the_user() {
         "{}",
         a.spans.told_by
     );
-    let motions = numbered(&m.motions);
-    let logs = Logs {
-        fixes: &m.fixes,
-        motions: &motions,
-        reference: &[],
-    };
     let given = Settings {
         rest: vec![[stands[0].from_s, stands[0].to_s]],
         ..settings()
     };
-    let a = analyse(&logs, &given);
+    let a = told_as(&m.fixes, &m.motions, &[], &given);
     assert_eq!(a.spans.stands[0].situation, Situation::Rest);
     assert!(
         a.spans.stands[1..]

@@ -189,3 +189,38 @@ fn what_is_wrong_is_said() {
     );
     assert!(out.join("limits.svg").is_file());
 }
+
+/// Exit code 1, not 3: what cannot be read is bad input, whichever log it is and whatever the others tell.
+#[test]
+fn a_log_that_is_missing_is_an_error() {
+    let dir = folder("gnss-analyse-missing");
+    simulated(&dir, &["--seconds", "60"]);
+    let [fixes, motions, reference]: [PathBuf; 3] =
+        ["fixes", "motions", "reference"].map(|n| dir.join(format!("{n}-90031.txt")));
+    let missing = dir.join("nowhere.txt");
+    let empty = dir.join("empty.txt");
+    std::fs::write(&empty, "").unwrap();
+    let out = dir.join("out");
+    for at in 0..3 {
+        for (bad, why) in [
+            (&missing, "nowhere.txt: No such file"),
+            (&empty, "empty.txt: expected lines of"),
+        ] {
+            let mut paths = [&fixes, &motions, &reference];
+            paths[at] = bad;
+            let named = ["--fixes", "--motions", "--reference"]
+                .into_iter()
+                .zip(paths);
+            let mut args: Vec<&str> = named.flat_map(|(n, p)| [n, text(p)]).collect();
+            args.extend(["--out", text(&out)]);
+            for args in [&args[..], &args[2 * at..2 * at + 2]] {
+                // A reference alone is no log to analyse.
+                let alone = args.len() == 2 && at == 2;
+                let (code, told, said) = analyse(args);
+                assert_eq!(code, Some(if alone { 2 } else { 1 }), "{args:?} {said}");
+                assert!(alone || said.contains(why), "{said}");
+                assert!(told.is_empty() && !out.exists(), "{told}");
+            }
+        }
+    }
+}

@@ -9,24 +9,18 @@
 #[path = "support/analyse.rs"]
 mod made;
 
-use made::{numbered, settings};
+use made::{settings, told_as};
 use reconstruct::gnss::analyse::positions::from_pair;
-use reconstruct::gnss::analyse::{Analysis, Logs, Settings, analyse, source};
+use reconstruct::gnss::analyse::{Analysis, Settings, source};
 use reconstruct::gnss::logs;
 use reconstruct::simulate::tumble::{Tumble, TumbleSheet, tumble};
 
 fn positions(t: &Tumble, sheet: &TumbleSheet) -> Analysis {
-    let motions = numbered(&logs::positions(t));
-    let logs = Logs {
-        fixes: &[],
-        motions: &motions,
-        reference: &[],
-    };
     let settings = Settings {
         latitude: Some(sheet.latitude),
         ..settings()
     };
-    analyse(&logs, &settings)
+    told_as(&[], &logs::positions(t), &[], &settings)
 }
 
 #[test]

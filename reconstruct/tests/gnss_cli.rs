@@ -183,3 +183,72 @@ fn slips_and_experiments_are_listed() {
     let wrong = reconstruct(&["gnss", "experiments", "--seeds", "5..1"]);
     assert_eq!(wrong.status.code(), Some(2));
 }
+
+/// A better receiver is believed: the track follows it closer and its bounds are narrower.
+#[test]
+fn the_receiver_can_be_told() {
+    let dir = folder("gnss-receiver");
+    let to = text(&dir);
+    let made = reconstruct(&["gnss", "simulate", "--seed", "90025", "--out", to]);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let [reference, motions] = ["reference", "motions"].map(|n| dir.join(format!("{n}-90025.txt")));
+    let run = |out: &Path, more: &[&str]| {
+        let mut args = vec!["gnss", "run", "--fixes", text(&reference), "--motions"];
+        args.extend([text(&motions), "--reference", text(&reference), "--latency"]);
+        args.extend(["0", "--no-smoother", "--out", text(out)]);
+        args.extend(more);
+        reconstruct(&args)
+    };
+    // Fixes without error, and nothing said of their accuracy.
+    let [plain, sharp] = ["plain", "sharp"].map(|n| dir.join(n));
+    let told = [
+        "--receiver-sd",
+        "0.3",
+        "--receiver-speed-sd",
+        "0.05",
+        "--receiver-slow-share",
+        "0",
+        "--receiver-slow-time",
+        "1",
+    ];
+    for (out, more) in [(&plain, &[][..]), (&sharp, &told)] {
+        let done = run(out, more);
+        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    }
+    let sd = |out: &Path| {
+        let table = std::fs::read_to_string(out.join("track.csv")).unwrap();
+        let cell = |line: &str| line.split(',').nth(10).unwrap().parse::<f64>().unwrap();
+        table.lines().skip(2000).map(cell).fold(0.0, f64::max)
+    };
+    let off = |out: &Path| deviation(&out.join("track.csv"), &reference).0;
+    println!(
+        "largest standard deviation north {:.2} and {:.2} m, mean deviation {:.2} and {:.2} m",
+        sd(&plain),
+        sd(&sharp),
+        off(&plain),
+        off(&sharp)
+    );
+    assert!(sd(&sharp) < 0.5 * sd(&plain) && off(&sharp) < off(&plain));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(sharp.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["receiver"]["sd_m"], 0.3);
+    let page = std::fs::read_to_string(sharp.join("report.html")).unwrap();
+    assert!(page.contains("at least 0.3 m north and east"));
+    for (option, value) in [
+        ("--receiver-sd", "0"),
+        ("--receiver-speed-sd", "nan"),
+        ("--receiver-slow-share", "1.5"),
+        ("--receiver-slow-time", "-3"),
+    ] {
+        let wrong = run(&plain, &[&format!("{option}={value}")]);
+        let said = stderr(&wrong);
+        assert!(
+            wrong.status.code() == Some(1) && said.contains(&format!("{option}: expected")),
+            "{said}"
+        );
+    }
+    let help = stdout(&reconstruct(&["gnss", "run", "--help"]));
+    for part in ["north and east, m", "[default: 2]", "[default: 40]"] {
+        assert!(help.contains(part), "{help}");
+    }
+}

@@ -80,6 +80,8 @@ fn a_drive_is_drawn_with_and_without_a_reference() {
         assert!(report.contains("&lt;b&gt;&amp;") && !report.contains("<b>"));
         assert!(!report.contains("<script") && !report.contains("NaN"));
         assert_eq!(report, text(&b.join("report.html")));
+        assert!(report.contains("standard error") && report.contains("before the track begins"));
+        assert!(!report.contains(">1 outages"));
         for name in [
             "plan",
             "plan-close",
@@ -132,7 +134,10 @@ fn outages_are_measured_and_drawn() {
         assert!(mean(3 * i + 1) < mean(3 * i));
     }
     assert!(elements(&text(&out.join("pictures/outages.svg"))) > 100);
-    assert!(text(&out.join("outages.html")).contains("about 20"));
+    let html = text(&out.join("outages.html"));
+    assert!(html.contains("about 20") && html.contains(" % of "));
+    // An error is not shown as none.
+    assert!(!html.contains("\u{b1} 0.0<"));
     // Without a reference nothing can be told; a drive too short for a length says so.
     let alone = gnss("outages", &files[..2], &out, &[]);
     assert!(alone.status.code() == Some(1) && stderr(&alone).contains("--reference"));

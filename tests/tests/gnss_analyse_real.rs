@@ -25,44 +25,21 @@ const ORIGIN: Geodetic = Geodetic {
 const DELAY_S: f64 = 0.7;
 
 fn head(equipment: u32, obu_s: f64) -> Head {
-    Head {
-        leg: Leg {
-            equipment,
-            drive: 1,
-            leg: 1,
-        },
-        utc_ms: None,
-        week: None,
-        tow_s: None,
-        obu_s,
-    }
+    let leg = Leg {
+        equipment,
+        drive: 1,
+        leg: 1,
+    };
+    Head::bare(leg, obu_s)
 }
 
 fn fix(equipment: u32, t_s: f64, ned: &Vector3<f64>, v: &Vector3<f64>) -> Fix {
     let place = ORIGIN.moved(ned);
     Fix {
-        head: head(equipment, t_s),
         good: Some(true),
-        fix_type: None,
-        latitude: place.latitude,
-        longitude: place.longitude,
         ellipsoid_height: Some(place.height),
-        sea_height: None,
-        speed: None,
-        course: None,
-        yaw: None,
-        pitch: None,
-        roll: None,
-        horizontal_error: None,
-        vertical_error: None,
-        sd_ned: [None; 3],
-        hdop: None,
-        pdop: None,
         velocity_ned: Some((*v).into()),
-        satellites: None,
-        signal: None,
-        sbas: None,
-        integrity_ned: [None; 3],
+        ..Fix::bare(head(equipment, t_s), place.latitude, place.longitude)
     }
 }
 
@@ -107,13 +84,7 @@ fn told(real: &Real) -> Analysis {
         motions: &real.motions,
         reference: &real.reference,
     };
-    let settings = Settings {
-        axes: Axes::Car,
-        latency_s: DELAY_S,
-        rest: Vec::new(),
-        latitude: None,
-    };
-    analyse(&logs, &settings)
+    analyse(&logs, &Settings::new(Axes::Car, DELAY_S))
 }
 
 #[test]

@@ -1,19 +1,21 @@
 //! `reconstruct gnss analyse`: what the logs tell of receiver and sensors.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tables};
-use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
+use reconstruct::gnss::read::Read;
 use reconstruct::gnss::rows::{Fix, Motion, Row};
 use reconstruct::report::svg;
 
-use crate::cli::gnss::{SensorAxes, failed};
+use crate::cli::gnss::failed;
+use crate::cli::gnss_logs::{self, Broken, Choice, listed};
 use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file};
 
 #[derive(Debug, clap::Args)]
 #[command(
+    mut_arg("equipment", |a| a.help("Equipment to take; of the fixes all are taken otherwise")),
+    mut_arg("axes", |a| a.help("Axes of the inertial sensors, for telling stops from driving; the figures are of the sensor's own axes")),
+    mut_arg("latency", |a| a.help("Delay of the fixes behind the inertial samples, for telling stops from driving")),
     after_help = "Exit code 3: the logs have gaps or broken lines, a sensor came to the end of its range, or a log that is there does not tell what it ought to."
 )]
 pub(crate) struct Args {
@@ -26,30 +28,16 @@ pub(crate) struct Args {
     /// Log of a reference receiver, in the format of the fixes; without it equipment 6 among the fixes
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
-    /// Equipment to take; of the fixes all are taken otherwise
-    #[arg(long, value_name = "ID")]
-    equipment: Option<u32>,
-    /// Drive to take
-    #[arg(long, value_name = "ID")]
-    drive: Option<u32>,
-    /// Leg to take
-    #[arg(long, value_name = "ID")]
-    leg: Option<u32>,
-    /// Axes of the inertial sensors, for telling stops from driving; the figures are of the sensor's own axes
-    #[arg(long, value_enum, default_value = "tag")]
-    axes: SensorAxes,
-    /// Delay of the fixes behind the inertial samples, for telling stops from driving
-    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
-    latency: f64,
+    #[command(flatten)]
+    choice: Choice,
     /// A span with the engine off, seconds of the box's clock; may be repeated
     #[arg(long, value_name = "FROM..TO", value_parser = span, allow_hyphen_values = true)]
     rest: Vec<[f64; 2]>,
     /// Latitude, where no fixes tell it: for gravity
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     latitude: Option<f64>,
-    /// Skip lines that cannot be read, and count them
-    #[arg(long)]
-    skip_broken: bool,
+    #[command(flatten)]
+    broken: Broken,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -68,23 +56,18 @@ fn span(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Reads a log and adds what there is to note of it.
-fn load<T: Row>(
+/// Reads a log that was given and adds what there is to note of it.
+fn load<T>(
     path: Option<&PathBuf>,
-    read: impl Fn(BufReader<File>, &str) -> Result<Read<T>, reconstruct::gnss::GnssError>,
+    read: impl Fn(&Path) -> Result<Read<T>, CliError>,
     notes: &mut Vec<String>,
 ) -> Result<Option<Read<T>>, CliError> {
     let Some(path) = path else {
         return Ok(None);
     };
-    let file = File::open(path).map_err(|error| CliError::file(path, error))?;
-    let name = path.display().to_string();
-    let log = read(BufReader::new(file), &name).map_err(|e| failed(&e))?;
-    for note in &log.notes {
-        let text = format!("{name}: {note}");
-        complain("note", &text);
-        notes.push(text);
-    }
+    let log = read(path)?;
+    let said = gnss_logs::notes(path, &log);
+    notes.extend(said.iter().map(|n| format!("{}: {n}", path.display())));
     Ok(Some(log))
 }
 
@@ -96,27 +79,12 @@ fn some<T: Row>(read: &Read<T>, rows: usize, path: Option<&PathBuf>) -> Result<(
     Err(failed(&format!(
         "{}: expected rows of the equipment, drive and leg chosen, found {}",
         path.map_or_else(String::new, |p| p.display().to_string()),
-        listed(read)
+        listed(&read.legs())
     )))
 }
 
-fn listed<T: Row>(read: &Read<T>) -> String {
-    let each = read.legs().into_iter().map(|(l, rows)| {
-        format!(
-            "equipment {} drive {} leg {} ({rows} rows)",
-            l.equipment, l.drive, l.leg
-        )
-    });
-    each.collect::<Vec<_>>().join(", ")
-}
-
 fn check(args: &Args) -> Result<(), CliError> {
-    if !(args.latency.is_finite() && (0.0..=3600.0).contains(&args.latency)) {
-        return Err(failed(&format!(
-            "--latency: expected 0 to 3600 s, found {}",
-            args.latency
-        )));
-    }
+    args.choice.check()?;
     match args.latitude {
         Some(d) if !(d.is_finite() && d.abs() <= 90.0) => Err(failed(&format!(
             "--latitude: expected -90 to 90 degrees, found {d}"
@@ -127,20 +95,13 @@ fn check(args: &Args) -> Result<(), CliError> {
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     check(args)?;
-    let tolerance = if args.skip_broken {
-        Tolerance::SkipBroken
-    } else {
-        Tolerance::Strict
-    };
+    let tolerance = args.broken.tolerance();
     let mut notes = Vec::new();
-    let as_fixes = |file: BufReader<File>, name: &str| read_fixes(file, name, tolerance);
+    let as_fixes = |path: &Path| gnss_logs::fixes(path, tolerance);
     let fixes = load(args.fixes.as_ref(), as_fixes, &mut notes)?;
     let reference = load(args.reference.as_ref(), as_fixes, &mut notes)?;
-    let motions = load(
-        args.motions.as_ref(),
-        |file, name| read_motions(file, name, tolerance),
-        &mut notes,
-    )?;
+    let as_motions = |path: &Path| gnss_logs::motions(path, tolerance);
+    let motions = load(args.motions.as_ref(), as_motions, &mut notes)?;
     let own = chosen_fixes(args, fixes.as_ref())?;
     let samples = chosen_motions(args, motions.as_ref())?;
     let reference_rows = reference.map_or_else(Vec::new, |r| r.rows);
@@ -152,8 +113,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let analysis = analyse::analyse(
         &logs,
         &Settings {
-            axes: args.axes.into(),
-            latency_s: args.latency,
+            axes: args.choice.axes.into(),
+            latency_s: args.choice.latency,
             rest: args.rest.clone(),
             latitude: args.latitude.map(f64::to_radians),
         },
@@ -195,10 +156,11 @@ fn chosen_fixes(args: &Args, fixes: Option<&Read<Fix>>) -> Result<Vec<Fix>, CliE
     let Some(read) = fixes else {
         return Ok(Vec::new());
     };
-    let mut own = read.select(args.equipment, args.drive, args.leg);
+    let c = &args.choice;
+    let mut own = read.select(c.equipment, c.drive, c.leg);
     some(read, own.len(), args.fixes.as_ref())?;
-    if args.reference.is_none() && args.equipment.is_some_and(|e| e != analyse::REFERENCE) {
-        own.extend(read.select(Some(analyse::REFERENCE), args.drive, args.leg));
+    if args.reference.is_none() && c.equipment.is_some_and(|e| e != analyse::REFERENCE) {
+        own.extend(read.select(Some(analyse::REFERENCE), c.drive, c.leg));
     }
     Ok(own)
 }
@@ -211,7 +173,8 @@ fn chosen_motions(
     let Some(read) = motions else {
         return Ok(Vec::new());
     };
-    let samples = read.numbered(args.equipment, args.drive, args.leg);
+    let c = &args.choice;
+    let samples = read.numbered(c.equipment, c.drive, c.leg);
     some(read, samples.len(), args.motions.as_ref())?;
     let first = samples.first().map(|s| s.1.head.leg.equipment);
     if samples
@@ -223,7 +186,7 @@ fn chosen_motions(
             args.motions
                 .as_ref()
                 .map_or_else(String::new, |p| p.display().to_string()),
-            listed(read)
+            listed(&read.legs())
         )));
     }
     Ok(samples)

@@ -6,10 +6,59 @@ use std::path::{Path, PathBuf};
 
 use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
 use reconstruct::gnss::reference::Reference;
-use reconstruct::gnss::rows::{Fix, Motion};
+use reconstruct::gnss::rows::{Fix, Leg, Motion, Row};
 
 use crate::cli::gnss::{SensorAxes, failed};
 use crate::cli::{CliError, complain};
+
+/// Which rows of the logs are taken, and how their axes and times are read: options of every command that takes logs.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Choice {
+    /// Equipment to take, where the logs hold several
+    #[arg(long, value_name = "ID")]
+    pub(crate) equipment: Option<u32>,
+    /// Drive to take
+    #[arg(long, value_name = "ID")]
+    pub(crate) drive: Option<u32>,
+    /// Leg to take
+    #[arg(long, value_name = "ID")]
+    pub(crate) leg: Option<u32>,
+    /// Axes of the inertial sensors
+    #[arg(long, value_enum, default_value = "tag")]
+    pub(crate) axes: SensorAxes,
+    /// Delay of the fixes behind the inertial samples
+    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
+    pub(crate) latency: f64,
+}
+
+impl Choice {
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        seconds("--latency", self.latency)
+    }
+
+    fn takes(&self, l: Leg) -> bool {
+        let fits = |choice: Option<u32>, id: u32| choice.is_none_or(|c| c == id);
+        fits(self.equipment, l.equipment) && fits(self.drive, l.drive) && fits(self.leg, l.leg)
+    }
+}
+
+/// What to do with a line that cannot be read; an option of every command that takes logs.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Broken {
+    /// Skip lines that cannot be read, and count them
+    #[arg(long)]
+    skip_broken: bool,
+}
+
+impl Broken {
+    pub(crate) fn tolerance(&self) -> Tolerance {
+        if self.skip_broken {
+            Tolerance::SkipBroken
+        } else {
+            Tolerance::Strict
+        }
+    }
+}
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct LogArgs {
@@ -19,28 +68,14 @@ pub(crate) struct LogArgs {
     /// Log of accelerations and rates, 14 columns
     #[arg(long, value_name = "FILE")]
     pub(crate) motions: PathBuf,
-    /// Equipment to take, where the logs hold several
-    #[arg(long, value_name = "ID")]
-    equipment: Option<u32>,
-    /// Drive to take
-    #[arg(long, value_name = "ID")]
-    drive: Option<u32>,
-    /// Leg to take
-    #[arg(long, value_name = "ID")]
-    leg: Option<u32>,
-    /// Axes of the inertial sensors
-    #[arg(long, value_enum, default_value = "tag")]
-    pub(crate) axes: SensorAxes,
-    /// Delay of the fixes behind the inertial samples
-    #[arg(long, default_value_t = 1.24, value_name = "SECONDS")]
-    pub(crate) latency: f64,
+    #[command(flatten)]
+    pub(crate) choice: Choice,
     /// Log of a reference receiver, in the format of the fixes and on the box's clock: the deviation from it goes into the
     /// summary, the page and the pictures
     #[arg(long, value_name = "FILE")]
     pub(crate) reference: Option<PathBuf>,
-    /// Skip lines that cannot be read, and count them
-    #[arg(long)]
-    skip_broken: bool,
+    #[command(flatten)]
+    broken: Broken,
 }
 
 /// What was read.
@@ -83,18 +118,40 @@ fn name(path: &Path) -> String {
         .map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
+/// Reads a log of fixes.
+pub(crate) fn fixes(path: &Path, tolerance: Tolerance) -> Result<Read<Fix>, CliError> {
+    read_fixes(open(path)?, &path.display().to_string(), tolerance).map_err(|e| failed(&e))
+}
+
+/// Reads a log of accelerations and rates.
+pub(crate) fn motions(path: &Path, tolerance: Tolerance) -> Result<Read<Motion>, CliError> {
+    read_motions(open(path)?, &path.display().to_string(), tolerance).map_err(|e| failed(&e))
+}
+
 fn open(path: &Path) -> Result<BufReader<File>, CliError> {
     File::open(path)
         .map(BufReader::new)
         .map_err(|error| CliError::file(path, error))
 }
 
-fn notes<T>(path: &Path, read: &Read<T>) -> Vec<String> {
+/// What there is to note of a log; said on standard error too.
+pub(crate) fn notes<T>(path: &Path, read: &Read<T>) -> Vec<String> {
     let notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
     for note in &notes {
         complain("note", &format!("{}: {note}", path.display()));
     }
     notes
+}
+
+/// Legs in words, for an error.
+pub(crate) fn listed(legs: &[(Leg, usize)]) -> String {
+    let each = legs.iter().map(|(l, rows)| {
+        format!(
+            "equipment {} drive {} leg {} ({rows} rows)",
+            l.equipment, l.drive, l.leg
+        )
+    });
+    each.collect::<Vec<_>>().join(", ")
 }
 
 /// A time among the options.
@@ -108,29 +165,23 @@ pub(crate) fn seconds(name: &str, value: f64) -> Result<(), CliError> {
 }
 
 pub(crate) fn read(args: &LogArgs) -> Result<Logs, CliError> {
-    seconds("--latency", args.latency)?;
-    let tolerance = if args.skip_broken {
-        Tolerance::SkipBroken
-    } else {
-        Tolerance::Strict
-    };
-    let named = |path: &Path| path.display().to_string();
-    let fixes =
-        read_fixes(open(&args.fixes)?, &named(&args.fixes), tolerance).map_err(|e| failed(&e))?;
-    let motions = read_motions(open(&args.motions)?, &named(&args.motions), tolerance)
-        .map_err(|e| failed(&e))?;
+    let choice = &args.choice;
+    choice.check()?;
+    let tolerance = args.broken.tolerance();
+    let all_fixes = fixes(&args.fixes, tolerance)?;
+    let all_motions = motions(&args.motions, tolerance)?;
     let mut said = [
-        notes(&args.fixes, &fixes),
-        notes(&args.motions, &motions),
+        notes(&args.fixes, &all_fixes),
+        notes(&args.motions, &all_motions),
         Vec::new(),
     ];
-    let chosen_fixes = fixes.select(args.equipment, args.drive, args.leg);
-    let chosen = motions.select(args.equipment, args.drive, args.leg);
-    one_leg(&fixes, chosen_fixes.len(), args, &args.fixes)?;
-    one_leg(&motions, chosen.len(), args, &args.motions)?;
+    let chosen_fixes = all_fixes.select(choice.equipment, choice.drive, choice.leg);
+    let chosen = all_motions.select(choice.equipment, choice.drive, choice.leg);
+    one_leg(&all_fixes, chosen_fixes.len(), choice, &args.fixes)?;
+    one_leg(&all_motions, chosen.len(), choice, &args.motions)?;
     let mut reference = Reference::default();
     if let Some(path) = &args.reference {
-        let read = read_fixes(open(path)?, &named(path), tolerance).map_err(|e| failed(&e))?;
+        let read = fixes(path, tolerance)?;
         said[2] = notes(path, &read);
         reference = Reference::of_rows(&read.rows);
     }
@@ -143,26 +194,14 @@ pub(crate) fn read(args: &LogArgs) -> Result<Logs, CliError> {
 }
 
 /// Several legs in one log are several drives on several clocks: one has to be chosen.
-fn one_leg<T: reconstruct::gnss::rows::Row>(
+fn one_leg<T: Row>(
     read: &Read<T>,
     chosen: usize,
-    args: &LogArgs,
+    choice: &Choice,
     path: &Path,
 ) -> Result<(), CliError> {
-    let fits = |choice: Option<u32>, id: u32| choice.is_none_or(|c| c == id);
-    let legs: Vec<String> = read
-        .legs()
-        .iter()
-        .filter(|(l, _)| {
-            fits(args.equipment, l.equipment) && fits(args.drive, l.drive) && fits(args.leg, l.leg)
-        })
-        .map(|(l, rows)| {
-            format!(
-                "equipment {} drive {} leg {} ({rows} rows)",
-                l.equipment, l.drive, l.leg
-            )
-        })
-        .collect();
+    let mut legs = read.legs();
+    legs.retain(|(l, _)| choice.takes(*l));
     if legs.len() == 1 && chosen > 0 {
         return Ok(());
     }
@@ -172,7 +211,7 @@ fn one_leg<T: reconstruct::gnss::rows::Row>(
         if legs.is_empty() {
             "none".to_owned()
         } else {
-            legs.join(", ")
+            listed(&legs)
         }
     )))
 }

@@ -7,13 +7,13 @@ use reconstruct::gnss::experiments::Experiment;
 use reconstruct::gnss::logs;
 use reconstruct::gnss::outages::{Material, study};
 use reconstruct::gnss::pictures::{page, study as picture};
-use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::stop::Detector;
 use reconstruct::report::svg;
 use serde_json::json;
 
 use crate::cli::gnss::failed;
 use crate::cli::gnss_logs::{self, LogArgs};
+use crate::cli::gnss_receiver::ReceiverArgs;
 use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -50,6 +50,8 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    receiver: ReceiverArgs,
 }
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
@@ -63,10 +65,10 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
             &"--reference: expected the log of a reference receiver, found none: without one no deviation can be told",
         ));
     }
+    let sheet = args.receiver.sheet()?;
     let logs = gnss_logs::read(&args.logs)?;
-    let sheet = Sheet::default();
-    let axes = args.logs.axes.into();
-    let fixed = logs::fixes(&logs.fixes, args.logs.latency, &sheet);
+    let axes = args.logs.choice.axes.into();
+    let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
     let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
@@ -81,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         input: &input,
         known: &known,
         reference: &logs.reference,
-        latency_s: args.logs.latency,
+        latency_s: args.logs.choice.latency,
     };
     let wanted = [
         args.filter != Filters::Refined,
@@ -94,7 +96,11 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let notes = logs.notes(&args.logs);
     let folder = args.out.join("pictures");
     std::fs::create_dir_all(&folder).map_err(|e| CliError::file(&folder, e))?;
-    let html = page::outages(&study, &gnss_logs::files(&args.logs), &notes);
+    let mut said = notes.clone();
+    if args.filter != Filters::Published {
+        said.insert(0, args.receiver.words());
+    }
+    let html = page::outages(&study, &gnss_logs::files(&args.logs), &said);
     write_file(&args.out.join("outages.html"), html.as_bytes())?;
     let drawn = picture::study(&study);
     if !drawn.is_empty() {
@@ -102,6 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     }
     let mut told = page::study_json(&study);
     told["log_notes"] = json!(notes);
+    told["receiver"] = args.receiver.json();
     write_file(
         &args.out.join("outages.json"),
         format!("{told:#}\n").as_bytes(),

@@ -21,6 +21,7 @@ use serde_json::json;
 
 use crate::cli::gnss::failed;
 use crate::cli::gnss_logs::{self, LogArgs, Logs, seconds};
+use crate::cli::gnss_receiver::ReceiverArgs;
 use crate::cli::{CliError, GAPS, SOUND, print, write_file};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -53,6 +54,8 @@ pub(crate) struct Args {
     /// Folder for the results; made if it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    receiver: ReceiverArgs,
 }
 
 /// A reckoned drive, what it says of its fixes for the summary, and each of them.
@@ -60,6 +63,7 @@ type Reckoned = (Vec<Estimate>, serde_json::Value, Vec<Shot>);
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     seconds("--every", args.every)?;
+    let sheet = args.receiver.sheet()?;
     let logs = gnss_logs::read(&args.logs)?;
     let reference = &logs.reference;
     let speeds = if args.exact_speed {
@@ -67,12 +71,16 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     } else {
         Vec::new()
     };
-    let sheet = Sheet::default();
-    let fixed = logs::fixes(&logs.fixes, args.logs.latency, &sheet);
-    let drive = logs::drive(&logs.motions, &args.logs.axes.into(), fixed, Vec::new())
-        .map_err(|e| failed(&e))?;
+    let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
+    let drive = logs::drive(
+        &logs.motions,
+        &args.logs.choice.axes.into(),
+        fixed,
+        Vec::new(),
+    )
+    .map_err(|e| failed(&e))?;
     let (track, used, shots) = match args.filter {
-        Filter::Refined => refined(args, &drive, speeds)?,
+        Filter::Refined => refined(args, &sheet, &drive, speeds)?,
         Filter::Published => by_published(args, &logs, &drive, &speeds)?,
     };
     // They hear the fixes that the filter is given.
@@ -98,12 +106,14 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         counts: &counts,
         outages: &pictures::outages(&track, &shots),
     };
+    let ours = args.filter == Filter::Refined;
     std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
     write_file(&args.out.join("track.csv"), csv(&track).as_bytes())?;
     let summary = json!({
         "filter": args.filter.to_possible_value().map(|v| v.get_name().to_owned()),
-        "smoothed": args.filter == Filter::Refined && !args.no_smoother,
-        "fixes_every_s": args.every, "latency_s": args.logs.latency, "stop_detector": !args.no_stop,
+        "smoothed": ours && !args.no_smoother,
+        "fixes_every_s": args.every, "latency_s": args.logs.choice.latency, "stop_detector": !args.no_stop,
+        "receiver": ours.then(|| args.receiver.json()),
         "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
         "samples": track.len(), "fixes": used,
         "standing_s": standing_s(&track),
@@ -115,12 +125,11 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         &args.out.join("summary.json"),
         format!("{summary:#}\n").as_bytes(),
     )?;
-    draw(
-        &args.out,
-        &shown,
-        &gnss_logs::files(&args.logs),
-        &logs.notes(&args.logs),
-    )?;
+    let mut notes = logs.notes(&args.logs);
+    if ours {
+        notes.insert(0, args.receiver.words());
+    }
+    draw(&args.out, &shown, &gnss_logs::files(&args.logs), &notes)?;
     let mut text = String::new();
     for name in ["track.csv", "summary.json", "report.html", "pictures"] {
         let _ = writeln!(text, "{}", args.out.join(name).display());
@@ -153,8 +162,12 @@ fn draw(out: &Path, shown: &Shown<'_>, files: &str, notes: &[String]) -> Result<
     write_file(&out.join("report.html"), html.as_bytes())
 }
 
-fn refined(args: &Args, whole: &Drive, speeds: Vec<Speed>) -> Result<Reckoned, CliError> {
-    let sheet = Sheet::default();
+fn refined(
+    args: &Args,
+    sheet: &Sheet,
+    whole: &Drive,
+    speeds: Vec<Speed>,
+) -> Result<Reckoned, CliError> {
     let mut drive = whole.thinned(args.every);
     drive.speeds = speeds;
     let found = if args.no_stop {
@@ -164,7 +177,7 @@ fn refined(args: &Args, whole: &Drive, speeds: Vec<Speed>) -> Result<Reckoned, C
     };
     let standing = Detector::hindsight(&drive, &found, ENTRY_S, EXIT_S);
     let start = Start::at_first_course(&drive, &standing).map_err(|e| failed(&e))?;
-    let sheet = sheet.heard(&drive, &found);
+    let sheet = sheet.clone().heard(&drive, &found);
     let passed = forward::run(&drive, &standing, &sheet, &start).map_err(|e| failed(&e))?;
     let track = if args.no_smoother {
         passed.estimates.clone()
@@ -202,8 +215,8 @@ fn by_published(
     drive: &Drive,
     speeds: &[Speed],
 ) -> Result<Reckoned, CliError> {
-    let latency_s = args.logs.latency;
-    let mut input = logs::published(&logs.motions, &args.logs.axes.into(), &logs.fixes);
+    let latency_s = args.logs.choice.latency;
+    let mut input = logs::published(&logs.motions, &args.logs.choice.axes.into(), &logs.fixes);
     let moving = input
         .fixes
         .iter()

@@ -16,6 +16,7 @@ mod gnss;
 mod gnss_analyse;
 mod gnss_logs;
 mod gnss_outages;
+mod gnss_receiver;
 mod gnss_run;
 mod inspect;
 mod load;

@@ -226,28 +226,22 @@ pub fn rows(city: &CityDrive, sheet: &BoxSheet, axes: &Axes) -> (Vec<Fix>, Vec<M
                place: &Geodetic,
                v: &Vector3<f64>,
                sd: Option<[f64; 3]>| Fix {
-        head: head(equipment, t_s, late_s),
         good: Some(true),
         fix_type: Some(3),
-        latitude: place.latitude,
-        longitude: place.longitude,
         ellipsoid_height: Some(place.height),
         sea_height: Some(place.height),
         speed: Some(v.xy().norm()),
         course: Some(v.y.atan2(v.x).rem_euclid(std::f64::consts::TAU)),
-        yaw: None,
-        pitch: None,
-        roll: None,
         horizontal_error: sd.map(|sd| sd[0].hypot(sd[1])),
         vertical_error: sd.map(|sd| sd[2]),
         sd_ned: sd.map_or([None; 3], |sd| sd.map(Some)),
-        hdop: None,
-        pdop: None,
         velocity_ned: Some((*v).into()),
-        satellites: None,
-        signal: None,
         sbas: Some(false),
-        integrity_ned: [None; 3],
+        ..Fix::bare(
+            head(equipment, t_s, late_s),
+            place.latitude,
+            place.longitude,
+        )
     };
     let fixes = city.fixes.iter();
     let truth = city.truth.iter().step_by(IMU_HZ);
@@ -286,16 +280,16 @@ pub fn positions(tumble: &Tumble) -> Vec<Motion> {
 fn head(equipment: u32, t_s: f64, late_s: f64) -> Head {
     let utc_ms = START_MS + schema::num::round_i64(1000.0 * t_s);
     let gps = time::gps_time(utc_ms, LEAP_S);
+    let leg = Leg {
+        equipment,
+        drive: 1,
+        leg: 1,
+    };
     Head {
-        leg: Leg {
-            equipment,
-            drive: 1,
-            leg: 1,
-        },
         utc_ms: Some(utc_ms),
         week: gps.map(|g| g.week),
         tow_s: gps.map(|g| g.tow_s),
-        obu_s: OBU_S + t_s + late_s,
+        ..Head::bare(leg, OBU_S + t_s + late_s)
     }
 }
 

@@ -36,6 +36,18 @@ pub struct Head {
 }
 
 impl Head {
+    /// With the columns that every row has, and no other.
+    #[must_use]
+    pub fn bare(leg: Leg, obu_s: f64) -> Self {
+        Self {
+            leg,
+            utc_ms: None,
+            week: None,
+            tow_s: None,
+            obu_s,
+        }
+    }
+
     /// GPS time less UTC, s: the leap seconds, and what the two columns disagree by; `None` unless both are there.
     #[must_use]
     pub fn gps_minus_utc_s(&self) -> Option<f64> {
@@ -98,6 +110,37 @@ pub struct Fix {
     pub sbas: Option<bool>,
     /// Bounds of integrity north, east, down, m [S00, 6.1, columns 33 to 35].
     pub integrity_ned: [Option<f64>; 3],
+}
+
+impl Fix {
+    /// A place on the globe, rad, with no other column filled.
+    #[must_use]
+    pub fn bare(head: Head, latitude: f64, longitude: f64) -> Self {
+        Self {
+            head,
+            latitude,
+            longitude,
+            good: None,
+            fix_type: None,
+            ellipsoid_height: None,
+            sea_height: None,
+            speed: None,
+            course: None,
+            yaw: None,
+            pitch: None,
+            roll: None,
+            horizontal_error: None,
+            vertical_error: None,
+            sd_ned: [None; 3],
+            hdop: None,
+            pdop: None,
+            velocity_ned: None,
+            satellites: None,
+            signal: None,
+            sbas: None,
+            integrity_ned: [None; 3],
+        }
+    }
 }
 
 impl Row for Fix {

@@ -2,6 +2,8 @@
 
 use schema::num;
 
+use crate::export::fixed::fixed;
+
 /// A linear map from a quantity to picture units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
@@ -57,9 +59,54 @@ pub fn step_decimals(step: f64) -> usize {
     num::round_usize((-step.log10().floor()).clamp(0.0, 6.0))
 }
 
+/// A power of ten as a person writes it: plain from 0.001 to 1000, else 10 with the power raised.
+#[must_use]
+pub fn power_of_ten(power: i64) -> String {
+    if (-3..=3).contains(&power) {
+        let digits = usize::try_from(-power).unwrap_or(0);
+        return fixed(10.0_f64.powf(num::real_i64(power)), digits);
+    }
+    let raised = |c: char| match c {
+        '-' => '\u{207b}',
+        '1' => '\u{b9}',
+        '2' => '\u{b2}',
+        '3' => '\u{b3}',
+        d => d
+            .to_digit(10)
+            .and_then(|d| char::from_u32(0x2070 + d))
+            .unwrap_or(d),
+    };
+    let power: String = power.to_string().chars().map(raised).collect();
+    format!("10{power}")
+}
+
+/// A positive number with two digits at most, beyond a thousandth with a power of ten: `0.048`, `4\u{b7}10\u{207b}\u{2074}`.
+#[must_use]
+pub fn scientific(x: f64) -> String {
+    let power = num::floor_i64(x.log10() + 1e-9);
+    let front = x / 10.0_f64.powf(num::real_i64(power));
+    let digits = usize::from((front - front.round()).abs() > 0.05);
+    if (-3..=3).contains(&power) {
+        let below = usize::try_from(-power).unwrap_or(0);
+        return fixed(x, below + digits);
+    }
+    format!("{}\u{b7}{}", fixed(front, digits), power_of_ten(power))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Scale, round_step, step_decimals};
+    use super::{Scale, power_of_ten, round_step, scientific, step_decimals};
+
+    #[test]
+    fn powers_of_ten_as_a_person_writes_them() {
+        assert_eq!(power_of_ten(-3), "0.001");
+        assert_eq!(power_of_ten(2), "100");
+        assert_eq!(power_of_ten(-12), "10\u{207b}\u{b9}\u{b2}");
+        assert_eq!(scientific(0.048), "0.048");
+        assert_eq!(scientific(1.0), "1");
+        assert_eq!(scientific(4e-4), "4\u{b7}10\u{207b}\u{2074}");
+        assert_eq!(scientific(6.3e-5), "6.3\u{b7}10\u{207b}\u{2075}");
+    }
 
     #[test]
     fn steps_are_round_and_ticks_within() {

@@ -4,9 +4,11 @@ use crate::export::ellipse::{self, Ellipse};
 use crate::findings::Reconstruction;
 use crate::map::place::{Answer, Placing};
 use crate::map::search::Verdict;
-use crate::report::axis::{Scale, round_step, step_decimals};
+use crate::report::axis::Scale;
+use crate::report::labels::Area;
 use crate::report::map_json;
-use crate::report::svg::{self, Anchor, Svg, signed};
+use crate::report::plan_signs::{ScaleBar, arrow, plate};
+use crate::report::svg::{self, Anchor, Svg};
 
 const SIZE: [f64; 2] = [1000.0, 680.0];
 const FOOT: f64 = 56.0;
@@ -222,32 +224,24 @@ fn rough(svg: &mut Svg, frame: &Frame, p: &Placing) {
 }
 
 fn marks(svg: &mut Svg, frame: &Frame) {
-    let metres = round_step(90.0 / frame.per_metre);
-    let length = metres * frame.per_metre;
+    let bar = ScaleBar::about(90.0, frame.per_metre);
     let [x, y] = [16.0, SIZE[1] - FOOT - 14.0];
-    svg.rect(
-        [x - 8.0, y - 28.0],
-        [length + 60.0, 36.0],
-        "fill=\"#fff\" fill-opacity=\"0.86\"",
-    );
-    svg.polyline(
-        &[[x, y - 6.0], [x, y], [x + length, y], [x + length, y - 6.0]],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    let text = format!("{} m", signed(metres, step_decimals(metres)));
-    svg.text([x + 0.5 * length, y - 9.0], 15.0, Anchor::Middle, "", &text);
-    svg.rect(
-        [8.0, 8.0],
-        [74.0, 36.0],
-        "fill=\"#fff\" fill-opacity=\"0.86\"",
-    );
-    svg.line(
-        [20.0, 40.0],
-        [20.0, 20.0],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    svg.polygon(&[[20.0, 12.0], [25.0, 23.0], [15.0, 23.0]], "fill=\"#111\"");
-    svg.text([32.0, 32.0], 15.0, Anchor::Start, "", "north");
+    let area = Area {
+        x: x - 8.0,
+        y: y - 28.0,
+        w: bar.length + 60.0,
+        h: 36.0,
+    };
+    plate(svg, area);
+    bar.draw(svg, [x, y], 15.0);
+    let area = Area {
+        x: 8.0,
+        y: 8.0,
+        w: 74.0,
+        h: 36.0,
+    };
+    plate(svg, area);
+    arrow(svg, [20.0, 12.0], 15.0, "north");
 }
 
 fn legend(svg: &mut Svg, p: &Placing, shown: usize) {

@@ -25,6 +25,7 @@ pub mod panel;
 pub mod pictures;
 pub mod plan;
 pub(crate) mod plan_marks;
+pub(crate) mod plan_signs;
 pub mod record_tables;
 #[cfg(test)]
 pub(crate) mod sample_case;

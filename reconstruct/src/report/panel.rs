@@ -67,7 +67,13 @@ impl Panel<'_> {
     pub fn start(&self, svg: &mut Svg, shaded: &[[f64; 2]]) {
         self.start_bare(svg, shaded);
         let (a, value) = (self.area, self.value());
-        let (ticks, step) = value.ticks((a.h / (self.size * 1.7)).max(2.0));
+        let wanted = (a.h / (self.size * 1.7)).max(2.0);
+        let mut found = value.ticks(wanted);
+        // Two numbers hardly make a scale.
+        if found.0.len() < 3 {
+            found = value.ticks(1.6 * wanted);
+        }
+        let (ticks, step) = found;
         for v in ticks {
             let y = value.at(v);
             let style = if v.abs() < 1e-9 {
@@ -128,9 +134,12 @@ impl Panel<'_> {
             );
             if self.time_label.is_some() {
                 let text = signed(t, step_decimals(step));
+                let size = self.size * 0.92;
+                // The last one ends with the frame: at the picture's edge a scroll bar or a wider font would cut it.
+                let most = a.x + a.w - 0.5 * text_width(&text, size);
                 svg.text(
-                    [x, a.y + a.h + self.size * 1.15],
-                    self.size * 0.92,
+                    [x.min(most), a.y + a.h + self.size * 1.15],
+                    size,
                     Anchor::Middle,
                     "fill=\"#333\"",
                     &text,
@@ -228,7 +237,17 @@ impl Panel<'_> {
                 ],
                 "fill=\"#111\"",
             );
-            let text = format!("off scale: {} {unit} at {} s", signed(v, 0), signed(t, 2));
+            // Hundredths of a second are for a crash, not for a drive.
+            let decimals = if self.span[1] - self.span[0] > 50.0 {
+                0
+            } else {
+                2
+            };
+            let text = format!(
+                "off scale: {} {unit} at {} s",
+                signed(v, 0),
+                signed(t, decimals)
+            );
             let size = self.size * 0.92;
             let w = text_width(&text, size);
             let left = if x - 10.0 - w > self.area.x {
@@ -338,7 +357,43 @@ fn thin(run: &[Known], columns: f64) -> Vec<Column> {
 
 #[cfg(test)]
 mod tests {
-    use super::{runs, thin};
+    use super::{Panel, runs, thin};
+    use crate::report::labels::Area;
+    use crate::report::svg::Svg;
+
+    #[test]
+    fn the_last_number_of_the_time_axis_ends_with_the_frame() {
+        let panel = Panel {
+            title: "",
+            area: Area {
+                x: 64.0,
+                y: 24.0,
+                w: 920.0,
+                h: 118.0,
+            },
+            span: [-30.0, 10.0],
+            range: [0.0, 1.0],
+            time_factor: 1.0,
+            time_label: Some("seconds"),
+            size: 15.0,
+            id: "p",
+        };
+        let mut svg = Svg::new();
+        panel.start(&mut svg, &[]);
+        let body = svg.into_body();
+        let x = |label: &str| -> f64 {
+            let line = body
+                .lines()
+                .find(|l| l.ends_with(&format!(">{label}</text>")));
+            let rest = line.and_then(|l| l.split("x=\"").nth(1)).unwrap();
+            rest.split('"').next().unwrap().parse().unwrap()
+        };
+        assert!(
+            x("10") < 977.0 && (x("5") - 869.0).abs() < 0.1,
+            "{}",
+            x("10")
+        );
+    }
 
     #[test]
     fn thinning_keeps_the_peak_and_missing_values_break_the_line() {

@@ -5,10 +5,11 @@ use schema::num;
 use crate::export::ellipse::{self, Polygon};
 use crate::export::funnel::{each_second, nearest};
 use crate::findings::Reconstruction;
-use crate::report::axis::{Scale, round_step, step_decimals};
+use crate::report::axis::{Scale, step_decimals};
 use crate::report::labels::{Area, Placer};
 use crate::report::number;
 use crate::report::plan_marks as marks;
+use crate::report::plan_signs::{ScaleBar, arrow, plate};
 use crate::report::svg::{self, Anchor, Svg, signed};
 use crate::trajectory::State;
 
@@ -320,9 +321,8 @@ fn funnel(svg: &mut Svg, frame: &Frame, r: &Reconstruction, shown: &[State], out
 }
 
 fn scale_bar(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
-    let metres = round_step(60.0 / frame.per_metre);
-    let length = metres * frame.per_metre;
-    let text = format!("{} m", signed(metres, step_decimals(metres)));
+    let bar = ScaleBar::about(60.0, frame.per_metre);
+    let length = bar.length;
     let corners = [
         [LEFT + 14.0, TOP + height() - 14.0],
         [LEFT + width() - 14.0 - length, TOP + height() - 14.0],
@@ -336,16 +336,14 @@ fn scale_bar(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
         }),
         [6.0, 26.0],
     );
-    svg.rect(
-        [x - 6.0, y - 26.0],
-        [length + 12.0, 34.0],
-        "fill=\"#fff\" fill-opacity=\"0.86\"",
-    );
-    svg.polyline(
-        &[[x, y - 6.0], [x, y], [x + length, y], [x + length, y - 6.0]],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    svg.text([x + 0.5 * length, y - 9.0], 14.0, Anchor::Middle, "", &text);
+    let area = Area {
+        x: x - 6.0,
+        y: y - 26.0,
+        w: length + 12.0,
+        h: 34.0,
+    };
+    plate(svg, area);
+    bar.draw(svg, [x, y], 14.0);
 }
 
 fn compass(svg: &mut Svg, r: &Reconstruction, placer: &mut Placer) {
@@ -370,21 +368,8 @@ fn compass(svg: &mut Svg, r: &Reconstruction, placer: &mut Placer) {
         },
     ];
     let [x, y] = placer.emptier(&corners, [0.0, 0.0]);
-    svg.rect([x, y], [w, 34.0], "fill=\"#fff\" fill-opacity=\"0.86\"");
-    svg.line(
-        [x + 11.0, y + 30.0],
-        [x + 11.0, y + 10.0],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    svg.polygon(
-        &[
-            [x + 11.0, y + 2.0],
-            [x + 16.0, y + 13.0],
-            [x + 6.0, y + 13.0],
-        ],
-        "fill=\"#111\"",
-    );
-    svg.text([x + 23.0, y + 22.0], 14.0, Anchor::Start, "", text);
+    plate(svg, Area { x, y, w, h: 34.0 });
+    arrow(svg, [x + 11.0, y + 2.0], 14.0, text);
 }
 
 /// The state a mark stands at, if the view shows it.

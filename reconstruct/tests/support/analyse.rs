@@ -35,12 +35,7 @@ pub(crate) fn drives() -> &'static [Made] {
 }
 
 pub(crate) fn settings() -> Settings {
-    Settings {
-        axes: Axes::Car,
-        latency_s: 1.24,
-        rest: Vec::new(),
-        latitude: None,
-    }
+    Settings::new(Axes::Car, 1.24)
 }
 
 /// Line `k + 2`: behind a header.
@@ -49,11 +44,20 @@ pub(crate) fn numbered(motions: &[Motion]) -> Vec<(u64, Motion)> {
 }
 
 pub(crate) fn told(fixes: &[Fix], motions: &[Motion], reference: &[Fix]) -> Analysis {
+    told_as(fixes, motions, reference, &settings())
+}
+
+pub(crate) fn told_as(
+    fixes: &[Fix],
+    motions: &[Motion],
+    reference: &[Fix],
+    settings: &Settings,
+) -> Analysis {
     let motions = numbered(motions);
     let logs = Logs {
         fixes,
         motions: &motions,
         reference,
     };
-    analyse(&logs, &settings())
+    analyse(&logs, settings)
 }

@@ -14,16 +14,16 @@ const LEAP_S: i32 = 16;
 pub(crate) fn head(k: i32, step_ms: i32) -> Head {
     let utc_ms = START_MS + i64::from(k * step_ms);
     let GpsTime { week, tow_s } = gps_time(utc_ms, LEAP_S).unwrap();
+    let leg = Leg {
+        equipment: 2,
+        drive: 1,
+        leg: 3,
+    };
     Head {
-        leg: Leg {
-            equipment: 2,
-            drive: 1,
-            leg: 3,
-        },
         utc_ms: Some(utc_ms),
         week: Some(week),
         tow_s: Some(tow_s),
-        obu_s: 17.02 + f64::from(k * step_ms) / 1000.0,
+        ..Head::bare(leg, 17.02 + f64::from(k * step_ms) / 1000.0)
     }
 }
 
@@ -61,34 +61,10 @@ pub(crate) fn fixes() -> Vec<Fix> {
 /// A fix with nothing that may be left out.
 pub(crate) fn bare(k: i32) -> Fix {
     let full = fixes()[0];
+    let Head { leg, obu_s, .. } = head(k, 1000);
     Fix {
-        head: Head {
-            utc_ms: None,
-            week: None,
-            tow_s: None,
-            ..head(k, 1000)
-        },
-        good: None,
-        fix_type: None,
-        latitude: -full.latitude,
-        longitude: -full.longitude,
-        ellipsoid_height: None,
         sea_height: Some(-0.5),
-        speed: None,
-        course: None,
-        yaw: None,
-        pitch: None,
-        roll: None,
-        horizontal_error: None,
-        vertical_error: None,
-        sd_ned: [None; 3],
-        hdop: None,
-        pdop: None,
-        velocity_ned: None,
-        satellites: None,
-        signal: None,
-        sbas: None,
-        integrity_ned: [None; 3],
+        ..Fix::bare(Head::bare(leg, obu_s), -full.latitude, -full.longitude)
     }
 }
 

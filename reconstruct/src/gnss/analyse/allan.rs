@@ -287,7 +287,7 @@ fn floor(
     // The least lies at the end, or where white noise alone would have it.
     if at + 1 == points.len() || least.band[0] <= n.value / least.tau_s.sqrt() {
         return Err(format!(
-            "cannot tell: still falling at {longest:.3} s, at most {most:.2e}"
+            "cannot tell: still falling at {longest:.2} s, at most {most:.2e}"
         ));
     }
     let [low, high] = least.band.map(|b| b / FLICKER);
@@ -304,7 +304,7 @@ fn walk(
     run: Option<[usize; 2]>,
     longest: f64,
 ) -> Result<Coefficient, String> {
-    let none = || format!("cannot tell: no rise up to {longest:.3} s");
+    let none = || format!("cannot tell: no rise up to {longest:.2} s");
     let start = least(points)
         .map_or(0, |l| l.0)
         .max(run.map_or(0, |r| r[1]));

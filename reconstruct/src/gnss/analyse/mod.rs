@@ -67,6 +67,19 @@ pub struct Settings {
     pub latitude: Option<f64>,
 }
 
+impl Settings {
+    /// Of logs of which no rest and no latitude is known.
+    #[must_use]
+    pub fn new(axes: Axes, latency_s: f64) -> Self {
+        Self {
+            axes,
+            latency_s,
+            rest: Vec::new(),
+            latitude: None,
+        }
+    }
+}
+
 /// What the logs tell. An `Err` is a sentence why a part is not told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
@@ -111,11 +124,17 @@ pub fn analyse(logs: &Logs<'_>, settings: &Settings) -> Analysis {
         None if !ok => Err(why.to_owned()),
         None => Ok(()),
     };
-    let biases = told(
-        !spans.stands.is_empty(),
-        "Cannot tell: the box never stands still for two seconds.",
-    )
-    .map(|()| spread::biases(&spans));
+    // Without fixes the detector asks for less vibration than an engine makes.
+    let [never_stands, never_lies] = if logs.fixes.is_empty() {
+        ["Cannot tell: no two seconds are still enough to be told from slow driving without fixes (--fixes, or --rest for spans with the engine off).";
+            2]
+    } else {
+        [
+            "Cannot tell: the box never stands still for two seconds.",
+            "Cannot tell: the box never lies still for two seconds.",
+        ]
+    };
+    let biases = told(!spans.stands.is_empty(), never_stands).map(|()| spread::biases(&spans));
     let drifts = [0, 1, 2].map(|axis| {
         let list = biases.as_ref().ok()?;
         spread::drift(&list.iter().map(|b| b.rate[axis]).collect::<Vec<_>>())
@@ -129,11 +148,8 @@ pub fn analyse(logs: &Logs<'_>, settings: &Settings) -> Analysis {
     Analysis {
         receivers,
         spreads: told(true, "").map(|()| spread::spreads(&spans)),
-        positions: told(
-            !spans.stands.is_empty(),
-            "Cannot tell: the box never lies still for two seconds.",
-        )
-        .map(|()| positions::table(&spans, latitude)),
+        positions: told(!spans.stands.is_empty(), never_lies)
+            .map(|()| positions::table(&spans, latitude)),
         events: told(true, "").map(|()| limits::events(&spans)),
         allan: told(true, "").and_then(|()| allan::allan(&spans)),
         biases,

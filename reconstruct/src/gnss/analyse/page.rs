@@ -11,7 +11,7 @@ const STYLE: &str = include_str!("../../report/page.css");
 /// What the report's style has no use for.
 const MORE: &str = ".figures{font-size:.86rem}.figures td:nth-of-type(1){font-weight:normal}\n\
     .figures th,.figures td{padding:4px 7px}.figures tbody th{white-space:nowrap}\n\
-    .figures td[colspan]{text-align:left;color:#474e57;white-space:normal}\n\
+    .figures td[colspan],.figures td.said{text-align:left;color:#474e57;white-space:normal}\n\
     .source th,.source td{color:#474e57;font-style:italic}h3{margin-top:22px}\n";
 
 /// The whole page; `logs` names the files it is made from.
@@ -29,7 +29,7 @@ pub fn html(
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
          <title>Receiver and sensors</title>\n<style>\n{STYLE}{MORE}</style>\n</head>\n<body>\n<main>\n<header>\n\
-         <h1>What the logs tell of receiver and sensors</h1>\n<p class=\"sub\">{} &middot; intervals at 95 % confidence</p>\n</header>\n",
+         <h1>What the logs tell of receiver and sensors</h1>\n<p class=\"sub\">{} &middot; in brackets: intervals of 95 %; behind &plusmn;: one standard error</p>\n</header>\n",
         escape(&logs.join(", "))
     );
     if !notes.is_empty() {
@@ -87,7 +87,15 @@ fn nice(text: &str) -> String {
     let mut rest = text.chars().peekable();
     while let Some(c) = rest.next() {
         let number = rest.peek().is_some_and(char::is_ascii_digit);
-        if c == '-' && number && matches!(before, ' ' | '[' | 'e' | '(') {
+        if c == 'e' && before.is_ascii_digit() && rest.peek() == Some(&'-') {
+            // 4.85e-3
+            rest.next();
+            out.push_str("\u{b7}10<sup>\u{2212}");
+            while let Some(digit) = rest.next_if(char::is_ascii_digit) {
+                out.push(digit);
+            }
+            out.push_str("</sup>");
+        } else if c == '-' && number && matches!(before, ' ' | '[' | '(') {
             out.push('\u{2212}');
         } else {
             out.push(c);
@@ -122,6 +130,8 @@ fn table(out: &mut String, grid: &Grid) {
             } else if c == filled && c == 1 && row.len() > 2 {
                 let _ = write!(out, "<td colspan=\"{}\">{}</td>", row.len() - 1, nice(cell));
                 break;
+            } else if cell.starts_with("cannot tell") {
+                let _ = write!(out, "<td class=\"said\">{}</td>", nice(cell));
             } else {
                 let _ = write!(out, "<td>{}</td>", nice(cell));
             }

@@ -71,7 +71,12 @@ pub fn draw(a: &Analysis) -> Vec<Picture> {
         );
     }
     if let Ok(table) = &a.positions
-        && table.positions.iter().any(|p| p.reading.is_some())
+        && table
+            .positions
+            .iter()
+            .filter(|p| p.reading.is_some())
+            .count()
+            > 1
     {
         add(
             "positions",

@@ -2,7 +2,7 @@
 
 use schema::num;
 
-use crate::report::axis::{Scale, step_decimals};
+use crate::report::axis::{Scale, power_of_ten, step_decimals};
 use crate::report::labels::Area;
 use crate::report::svg::{Anchor, Svg, signed};
 
@@ -152,39 +152,11 @@ pub(super) fn logarithmic(
                 } else {
                     ([p, area.y + area.h + 18.0], Anchor::Middle)
                 };
-                svg.text(at, SIZE, anchor, TEXT, &power(decade));
+                svg.text(at, SIZE, anchor, TEXT, &power_of_ten(decade));
             }
         }
     }
     scale
-}
-
-/// A power of ten as a person writes it.
-fn power(decade: i64) -> String {
-    match decade {
-        -2..=-1 => signed(
-            10.0_f64.powf(num::real_i64(decade)),
-            usize::try_from(-decade).unwrap_or(0),
-        ),
-        0..=3 => signed(10.0_f64.powf(num::real_i64(decade)), 0),
-        _ => {
-            let digits: String = decade
-                .to_string()
-                .chars()
-                .map(|c| match c {
-                    '-' => '\u{207b}',
-                    '1' => '\u{b9}',
-                    '2' => '\u{b2}',
-                    '3' => '\u{b3}',
-                    d => d
-                        .to_digit(10)
-                        .and_then(|d| char::from_u32(0x2070 + d))
-                        .unwrap_or(d),
-                })
-                .collect();
-            format!("10{digits}")
-        }
-    }
 }
 
 /// A point with its upright error bar, clipped to the area.

@@ -18,6 +18,9 @@ use crate::stats::ellipse_radius;
 /// Speed from which a course is one, m/s [S00, 6.5].
 const COURSE_SPEED: f64 = 3.0;
 
+/// An interval of the squared deviation over the stated variance that reaches so far from 1 and holds it tells nothing.
+const OPEN: f64 = 4.0;
+
 /// Names and units of the quantities.
 pub const QUANTITIES: [(&str, &str); 7] = [
     ("north", "m"),
@@ -99,6 +102,8 @@ impl Honesty {
             "too small: the receiver is less accurate than it says"
         } else if self.nees.high < 1.0 {
             "too large: the receiver is more accurate than it says"
+        } else if self.nees.high > OPEN || self.nees.low < 1.0 / OPEN {
+            "is not to be judged by these fixes"
         } else {
             "agrees with the deviations, within what these fixes tell"
         }
@@ -124,10 +129,20 @@ pub struct Receiver {
     pub shifted: Option<Summary>,
     /// The deviations that the pictures show: shifted, or as stamped.
     pub series: Vec<Off>,
-    /// Horizontal and vertical; an `Err` is a sentence.
+    /// Mean speed of the reference over ground at these fixes, m/s.
+    pub speed: Option<f64>,
+    /// Horizontal and vertical, over all delays within the interval of the one taken off; an `Err` is a sentence.
     pub honesty: [Result<Honesty, String>; 2],
     /// Fixes beyond the stated bounds of integrity, and fixes that state some.
     pub breaches: Option<[usize; 2]>,
+}
+
+impl Receiver {
+    /// The delay that is taken off.
+    #[must_use]
+    pub fn taken(&self) -> Option<Delay> {
+        self.delay.iter().find_map(|d| d.as_ref().ok().copied())
+    }
 }
 
 /// Every receiver of the log but the reference, by leg.
@@ -159,13 +174,19 @@ pub fn receivers(
         let chosen = if same.is_empty() { &own } else { &same };
         Some(receiver(leg, rows, chosen))
     };
-    Ok(legs
+    let list: Vec<_> = legs
         .filter(|rows| {
             // The reference beside others in one log is no receiver to be judged.
             !(reference.is_empty() && rows.iter().any(|r| r.head.leg.equipment == reference_id))
         })
         .filter_map(of)
-        .collect())
+        .collect();
+    if list.is_empty() {
+        return Err(format!(
+            "Cannot tell: the log of fixes holds those of the reference alone (equipment {reference_id})."
+        ));
+    }
+    Ok(list)
 }
 
 fn reference_rows(fixes: &[Fix], reference: &[Fix], id: u32) -> Vec<Fix> {
@@ -206,7 +227,22 @@ fn receiver(leg: Leg, rows: &[Fix], reference: &[Fix]) -> Result<Receiver, Strin
     let off = delay.iter().find_map(|d| d.as_ref().ok().copied());
     let shifted = off.map(|d| offs(&path, &good, clock, d.value_s));
     let series = shifted.clone().unwrap_or_else(|| stamped.clone());
-    let states = |i: usize| -> Vec<f64> { series.iter().filter_map(|o| o.stated[i]).collect() };
+    let tried: Vec<Vec<Off>> = off.map_or_else(
+        || vec![series.clone()],
+        |d| {
+            let share = |s: f64| d.ends_s[0] + s * (d.ends_s[1] - d.ends_s[0]);
+            let delays = [d.value_s, share(0.0), share(0.25), share(0.75), share(1.0)];
+            delays
+                .into_iter()
+                .filter(|d| d.is_finite())
+                .map(|d| offs(&path, &good, clock, d))
+                .collect()
+        },
+    );
+    let speeds: Vec<f64> = series
+        .iter()
+        .filter_map(|o| Some(path.velocity(o.t_s)?.xy().norm()))
+        .collect();
     let bounds: Vec<bool> = series.iter().filter_map(|o| o.breach).collect();
     Ok(Receiver {
         leg,
@@ -216,7 +252,8 @@ fn receiver(leg: Leg, rows: &[Fix], reference: &[Fix]) -> Result<Receiver, Strin
         delay,
         stamped: summary(&stamped),
         shifted: shifted.as_deref().map(summary),
-        honesty: [honesty(&states(0), 2.0), honesty(&states(1), 1.0)],
+        speed: figures::mean(&speeds).map(|f| f.value),
+        honesty: [over(&tried, 0), over(&tried, 1)],
         breaches: (!bounds.is_empty())
             .then(|| [bounds.iter().filter(|b| **b).count(), bounds.len()]),
         series,
@@ -241,6 +278,29 @@ fn summary(offs: &[Off]) -> Summary {
     }
 }
 
+/// Honesty at the first of several delays, horizontal or vertical, its intervals as wide as all of them make it: a delay that is
+/// not surely known must not be held against the receiver.
+fn over(tried: &[Vec<Off>], which: usize) -> Result<Honesty, String> {
+    let axes = if which == 0 { 2.0 } else { 1.0 };
+    let mut all = tried.iter().map(|series| {
+        let squares: Vec<f64> = series.iter().filter_map(|o| o.stated[which]).collect();
+        honesty(&squares, axes)
+    });
+    let mut first = all
+        .next()
+        .unwrap_or_else(|| Err("cannot tell: no fix meets the reference".to_owned()))?;
+    for other in all.flatten() {
+        for (own, more) in [
+            (&mut first.nees, other.nees),
+            (&mut first.inside, other.inside),
+        ] {
+            own.low = own.low.min(more.low);
+            own.high = own.high.max(more.high);
+        }
+    }
+    Ok(first)
+}
+
 fn honesty(squares: &[f64], axes: f64) -> Result<Honesty, String> {
     let each: Vec<f64> = squares.iter().map(|s| s / axes).collect();
     // The quantile of chi-square with one degree, and with two.
@@ -259,6 +319,13 @@ fn honesty(squares: &[f64], axes: f64) -> Result<Honesty, String> {
     inside.low = inside.low.max(0.0);
     inside.high = inside.high.min(1.0);
     let nees = nees.positive();
+    // All inside, or none: what as many independent fixes as these are worth leave open (exact, of 95 %).
+    let open = 0.025_f64.powf(1.0 / nees.effective.max(1.0));
+    if inside.value >= 1.0 {
+        inside.low = inside.low.min(open);
+    } else if inside.value <= 0.0 {
+        inside.high = inside.high.max(1.0 - open);
+    }
     Ok(Honesty { nees, inside })
 }
 

@@ -214,7 +214,7 @@ pub(super) fn positions(a: &Analysis) -> Section {
         Err(why) => {
             out.words.push(why.clone());
             out.pictures = &[];
-            out.grids.push(published_fit());
+            published_fit(&mut out);
             return out;
         }
     };
@@ -241,7 +241,11 @@ pub(super) fn positions(a: &Analysis) -> Section {
         match &position.reading {
             Some(f) => row.extend([
                 ends(f),
-                number(f.value * position.sign - table.gravity[0], f.se),
+                {
+                    let se = f.se.hypot(table.gravity[1]);
+                    let off = f.value * position.sign - table.gravity[0];
+                    format!("{} +- {}", number(off, se), number(se, se))
+                },
                 fixed(position.off.to_degrees(), 1),
                 format!(
                     "{}, {} ({})",
@@ -269,7 +273,7 @@ pub(super) fn positions(a: &Analysis) -> Section {
         Err(why) => out.words.push(why.clone()),
     }
     pairs(&mut out, table);
-    out.grids.push(published_fit());
+    published_fit(&mut out);
     out
 }
 
@@ -355,15 +359,16 @@ fn agreement(fit: &Calibration) -> String {
 }
 
 /// S00's six readings, two an axis, in the same way.
-fn published_fit() -> Grid {
+fn published_fit(out: &mut Section) {
     let p = source::POSITIONS;
     let mut grid = Grid::new(
-        "S00, table 4.7, from each axis' two readings and its gravity; it states no error: 4 s of its noise at rest leave 0.001 m/s^2, a tilt of one degree 0.0015",
+        "S00, table 4.7, from each axis' two readings and its gravity",
         &["quantity", "x", "y", "z"],
     );
     let of = [(p[1], p[0]), (p[2], p[3]), (p[5], p[4])]
         .map(|(plus, minus)| from_pair(plus, minus, source::GRAVITY));
     grid.row(std::iter::once("scale".to_owned()).chain(of.map(|f| fixed(f[0], 4))));
     grid.row(std::iter::once("bias, m/s^2".to_owned()).chain(of.map(|f| fixed(f[1], 4))));
-    grid
+    out.grids.push(grid);
+    out.words.push("S00 states no error of its readings: 4 s of its noise at rest leave 0.001 m/s^2, a tilt of one degree 0.0015 m/s^2.".to_owned());
 }

@@ -160,7 +160,7 @@ fn one(out: &mut Section, r: &Receiver) {
         });
     }
     let head = [
-        "receiver - reference",
+        "receiver less reference",
         "mean absolute",
         "bias (95 %)",
         "sd (95 %)",
@@ -195,6 +195,14 @@ fn one(out: &mut Section, r: &Receiver) {
     );
     if let Some(shifted) = &r.shifted {
         full(format!("{name}, the delay taken off"), shifted, true);
+    }
+    if let (Some(d), Some(speed)) = (r.taken(), r.speed) {
+        out.words.push(format!(
+            "{name}: the delay's own doubt is not in the intervals of the last table: its standard error of {} s is {} m along the way at the mean speed of {} m/s. It is in what is said of the stated accuracy.",
+            number(d.se_s, d.se_s),
+            number(d.se_s * speed, d.se_s * speed),
+            fixed(speed, 1)
+        ));
     }
     for (what, honesty) in ["horizontal", "vertical"].into_iter().zip(&r.honesty) {
         out.words.push(match honesty {

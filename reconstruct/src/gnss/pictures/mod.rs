@@ -110,7 +110,7 @@ pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
     ));
     out.push((
         "stops",
-        "What the stop detectors go by, on logarithmic scales, with their bounds, and the spans in which each says that the car stands.",
+        "What the stop detectors go by, on logarithmic scales, with their bounds, and the spans in which each says that the car stands, over the whole log: the track begins later.",
         over_time::stops(shown),
     ));
     out.push((

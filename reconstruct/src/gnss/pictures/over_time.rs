@@ -7,11 +7,15 @@ use crate::gnss::forward::{Estimate, Fate};
 use crate::gnss::published::constants::GATE;
 use crate::gnss::stands::spans;
 use crate::gnss::stop::{self, Detector};
+use crate::report::axis::scientific;
 use crate::report::panel::{Panel, Series};
-use crate::report::svg::{Anchor, Svg};
+use crate::report::svg::Svg;
 
 /// Two-sided, of 95 %.
 const TWO_SIDED: f64 = 1.959_964;
+
+/// Our detector's bounds without a fix.
+const DEAF: &str = "#6d8fb0";
 
 type Points = Vec<(f64, Option<f64>, f64)>;
 
@@ -102,6 +106,47 @@ pub fn deviation(shown: &Shown<'_>) -> Option<String> {
     ))
 }
 
+/// An angle in degrees by full turns to within half a turn of another.
+fn near(angle: f64, middle: f64) -> f64 {
+    (angle - middle + 180.0).rem_euclid(360.0) + middle - 180.0
+}
+
+/// Headings with their bands, deg, the ends of their axis and its middle: the whole circle, or, of a drive that turns by less than
+/// half of it, what the drive and the receiver's courses need.
+fn headings(track: &[Estimate], courses: &[[f64; 2]]) -> (Points, [f64; 2], f64) {
+    let all = |middle: f64| -> Points {
+        let mut out: Points = Vec::with_capacity(track.len());
+        let mut last: Option<f64> = None;
+        for e in track {
+            let v = near(e.angles[2].to_degrees(), middle);
+            if last.is_some_and(|l| (v - l).abs() > 180.0) {
+                out.push((e.t_s, None, 0.0));
+            }
+            last = Some(v);
+            let half = TWO_SIDED * e.p[(ATT + 2, ATT + 2)].max(0.0).sqrt().to_degrees();
+            out.push((e.t_s, Some(v), half.min(180.0)));
+        }
+        out
+    };
+    let (s, c) = track.iter().fold((0.0, 0.0), |(s, c), e| {
+        (s + e.angles[2].sin(), c + e.angles[2].cos())
+    });
+    let middle = f64::atan2(s, c).to_degrees().rem_euclid(360.0);
+    let points = all(middle);
+    let course = |c: &[f64; 2]| (c[0], Some(near(c[1], middle)), 0.0);
+    let both: Points = points
+        .iter()
+        .copied()
+        .chain(courses.iter().map(course))
+        .collect();
+    let [low, high] = range(&both);
+    if high - low < 180.0 && points.iter().all(|p| p.1.is_some()) {
+        let room = (0.5 * (10.0 - (high - low))).max(0.0);
+        return (points, [low - room, high + room], middle);
+    }
+    (all(180.0), [0.0, 360.0], 180.0)
+}
+
 /// Speed and heading with their bands, and the receiver's own.
 #[must_use]
 pub fn motion(shown: &Shown<'_>) -> String {
@@ -117,23 +162,17 @@ pub fn motion(shown: &Shown<'_>) -> String {
         };
         (n, variance)
     });
-    let mut heading: Points = Vec::with_capacity(shown.track.len());
-    let mut last: Option<f64> = None;
-    for e in shown.track {
-        let v = e.angles[2].to_degrees();
-        if last.is_some_and(|l| (v - l).abs() > 180.0) {
-            heading.push((e.t_s, None, 0.0));
-        }
-        last = Some(v);
-        let half = TWO_SIDED * e.p[(ATT + 2, ATT + 2)].max(0.0).sqrt().to_degrees();
-        heading.push((e.t_s, Some(v), half.min(180.0)));
-    }
     let own = |f: fn(nalgebra::Vector3<f64>) -> Option<f64>| {
         shown
             .shots
             .iter()
             .filter_map(move |s| Some([s.fix.t_s, f(s.fix.v_n?)?]))
     };
+    let courses: Vec<[f64; 2]> =
+        own(|v| (v.xy().norm() > GATE).then(|| v.y.atan2(v.x).to_degrees()))
+            .filter(|c| c[0] >= span(shown)[0])
+            .collect();
+    let (heading, turns, middle) = headings(shown.track, &courses);
     let truth: Points = shown
         .reference
         .marks
@@ -159,14 +198,12 @@ pub fn motion(shown: &Shown<'_>) -> String {
     stage.panel(
         "Heading, degrees clockwise from north",
         210.0,
-        [0.0, 360.0],
+        turns,
         true,
         shown.outages,
         |svg, panel| {
             panel.series(svg, &ours(reduced(heading, 180.0)));
-            let course = own(|v| {
-                (v.xy().norm() > GATE).then(|| v.y.atan2(v.x).to_degrees().rem_euclid(360.0))
-            });
+            let course = courses.iter().map(|[t, c]| [*t, near(*c, middle)]);
             dots(svg, panel, course, RECEIVER);
         },
     );
@@ -186,27 +223,14 @@ pub fn motion(shown: &Shown<'_>) -> String {
     )
 }
 
-/// A level across a panel of powers of ten with what it is.
-fn level(svg: &mut Svg, panel: &Panel<'_>, at: f64, color: &str, text: &str) {
+/// A level across a panel of powers of ten; what it is stands in the legend.
+fn level(svg: &mut Svg, panel: &Panel<'_>, at: f64, color: &str) {
     let y = value(panel).at(at.log10());
     let a = panel.area;
     svg.line(
         [a.x, y],
         [a.x + a.w, y],
         &format!("stroke=\"{color}\" stroke-width=\"1.4\" stroke-dasharray=\"7 4\""),
-    );
-    let w = crate::report::svg::text_width(text, 12.5);
-    svg.rect(
-        [a.x + a.w - w - 12.0, y - 16.0],
-        [w + 8.0, 14.0],
-        "fill=\"#fff\" fill-opacity=\"0.82\"",
-    );
-    svg.text(
-        [a.x + a.w - 8.0, y - 4.5],
-        12.5,
-        Anchor::End,
-        &format!("fill=\"{color}\""),
-        text,
     );
 }
 
@@ -231,7 +255,8 @@ pub fn stops(shown: &Shown<'_>) -> String {
         ]
     };
     let ours = Detector::default();
-    let mut stage = Stage::new("gs", span(shown));
+    let ends_of = [drive.periods.first(), drive.periods.last()].map(|p| p.map_or(0.0, |p| p.t_s));
+    let mut stage = Stage::new("gs", ends_of);
     let [heard, deaf] = ours.accel.map(|a| a[0]);
     stage.decades(
         "Variance of forward and sideways specific force together over 1 s, (m/s\u{b2})\u{b2}",
@@ -240,16 +265,14 @@ pub fn stops(shown: &Shown<'_>) -> String {
         false,
         |svg, panel| {
             panel.series(svg, &line(level_sum, "#555", ""));
-            level(
-                svg,
-                panel,
-                stop::PUBLISHED,
-                super::PUBLISHED,
-                "S00; ours without a fix: 0.048",
-            );
-            level(svg, panel, heard, OURS[0], "ours with a slow fix: 1.0");
+            level(svg, panel, stop::PUBLISHED, super::PUBLISHED);
+            if (deaf / stop::PUBLISHED - 1.0).abs() > 1e-9 {
+                level(svg, panel, deaf, DEAF);
+            }
+            level(svg, panel, heard, OURS[0]);
         },
     );
+    let forces = [heard, deaf];
     let [heard, deaf] = ours.rate;
     stage.decades(
         "Variance of the rates about the three axes together over 1 s, (rad/s)\u{b2}",
@@ -258,16 +281,11 @@ pub fn stops(shown: &Shown<'_>) -> String {
         false,
         |svg, panel| {
             panel.series(svg, &line(rates, "#555", ""));
-            level(svg, panel, deaf, OURS[0], "ours without a fix: 6e\u{2212}5");
-            level(
-                svg,
-                panel,
-                heard,
-                OURS[0],
-                "ours with a slow fix: 4e\u{2212}4",
-            );
+            level(svg, panel, deaf, DEAF);
+            level(svg, panel, heard, OURS[0]);
         },
     );
+    let rates = [heard, deaf];
     let colors = [super::PUBLISHED, "#6d8fb0", OURS[0]];
     let mut rows: Vec<(&str, &str, Vec<[f64; 2]>)> = shown
         .found
@@ -279,6 +297,28 @@ pub fn stops(shown: &Shown<'_>) -> String {
         rows.push(("reference, below 0.2 m/s", TRUTH, shown.reference.stands()));
     }
     stage.rows("Standing, as each says", &rows);
+    let both = |i: usize| {
+        let [force, rate]: [f64; 2] = [forces[i], rates[i]];
+        format!(
+            "{} (m/s\u{b2})\u{b2}, {} (rad/s)\u{b2}",
+            scientific(force),
+            scientific(rate)
+        )
+    };
+    let entries = [
+        format!(
+            "bound of S00: {} (m/s\u{b2})\u{b2}",
+            scientific(stop::PUBLISHED)
+        ),
+        format!("ours without a fix: {}", both(1)),
+        format!("ours with a slow fix: {}", both(0)),
+    ];
+    let keys = [super::PUBLISHED, DEAF, OURS[0]].map(Key::Dashed);
+    let entries: Vec<(Key, &str)> = keys
+        .into_iter()
+        .zip(entries.iter().map(String::as_str))
+        .collect();
+    stage.legend(&entries);
     stage.finish(
         "The stop detectors",
         "Variances over one second with the detectors' bounds, logarithmic, and the spans found.",

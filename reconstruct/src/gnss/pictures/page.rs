@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Picture, Shown, study as picture, tables};
+use crate::gnss::analyse::correlated as figures;
 use crate::gnss::experiments::{Experiment, Outcome};
 use crate::gnss::outages::{Mean, Study};
 use crate::report::summary;
@@ -77,9 +78,8 @@ fn figure(svg: &str, caption: &str) -> String {
 
 const STOPS_NOTE: &str = "Counted at full seconds against a reference speed of 0.2 m/s, as S00 does; in brackets the exact interval of 95 % of a Poisson rate. Wrong seconds come in runs at the ends of stands and are taken for independent: the true interval is wider. A stand of the reference is two seconds or more; it is found if one of them is.";
 
-/// `report.html` of a drive; `pictures` are [`super::all`] of it, `files` in words, `notes` of the logs.
-#[must_use]
-pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[String]) -> String {
+/// The figures asked for first.
+fn first_figures(shown: &Shown<'_>) -> Vec<[String; 3]> {
     let mut key = Vec::new();
     let s = shown.seconds;
     let n = schema::num::real(s.len());
@@ -92,15 +92,20 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
         key.push(["Deviation".into(), "cannot tell".into(), why.into()]);
     } else {
         let off: Vec<f64> = s.iter().map(|s| s.off_m).collect();
-        let mean = off.iter().sum::<f64>() / n;
+        let mean = figures::mean(&off);
         let largest = off.iter().copied().fold(0.0, f64::max);
         let inside = schema::num::real(s.iter().filter(|s| s.inside).count()) / n;
         let near = |x: f64| format!("{x:.1} m");
         key.push([
             "Mean deviation".into(),
-            near(mean),
+            mean.map_or_else(String::new, |m| near(m.value)),
             format!(
-                "largest {}, of {} instants of the reference",
+                "{}largest {}, of {} instants of the reference",
+                mean.filter(|m| m.se.is_finite())
+                    .map_or_else(String::new, |m| format!(
+                        "standard error {}, ",
+                        tables::small(m.se, "m")
+                    )),
                 near(largest),
                 s.len()
             ),
@@ -112,10 +117,16 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
         ]);
     }
     let used = shown.track.iter().filter(|e| e.fixed).count();
+    let begin = shown.track.first().map_or(f64::INFINITY, |e| e.t_s);
+    let early = shown.shots.iter().filter(|s| s.fix.t_s < begin - 0.03);
     key.push([
         "Fixes used".into(),
         format!("{used}"),
-        format!("of {} in the log", shown.shots.len()),
+        format!(
+            "of {} in the log, {} of them before the track begins",
+            shown.shots.len(),
+            early.count()
+        ),
     ]);
     let longest = shown
         .outages
@@ -129,8 +140,20 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
         } else {
             format!("{longest:.0} s")
         },
-        format!("{} outages of 2.5 s and more", shown.outages.len()),
+        match shown.outages.len() {
+            0 => "no outage of 2.5 s or more".into(),
+            1 => "one outage of 2.5 s or more".into(),
+            many => format!("the longest of {many} outages of 2.5 s or more"),
+        },
     ]);
+    key
+}
+
+/// `report.html` of a drive; `pictures` are [`super::all`] of it, `files` in words, `notes` of the logs.
+#[must_use]
+pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[String]) -> String {
+    let s = shown.seconds;
+    let key = first_figures(shown);
     let mut limits = vec![
         "Bounds are the filter's own: they rest on what it takes for granted of sensors and receiver, and hold as far as that does.".to_owned(),
     ];

@@ -175,14 +175,18 @@ fn picture(shown: &Shown<'_>, span: [f64; 2], near: bool) -> String {
         WIDTH - LEFT - RIGHT,
         frame.height
     ));
-    for e in &chosen {
-        let ring: Vec<[f64; 2]> = ellipse(e, local(&e.place))
-            .points(40)
-            .into_iter()
-            .map(|[n, m]| [frame.east.at(m), frame.north.at(n)])
-            .collect();
+    let rings = chosen
+        .iter()
+        .map(|e| ellipse(e, local(&e.place)).points(40));
+    let rings: Vec<Vec<[f64; 2]>> = rings
+        .map(|ring| {
+            let at = |[n, m]: [f64; 2]| [frame.east.at(m), frame.north.at(n)];
+            ring.into_iter().map(at).collect()
+        })
+        .collect();
+    for ring in &rings {
         svg.polygon(
-            &ring,
+            ring,
             &format!(
                 "fill=\"{}\" fill-opacity=\"0.45\" stroke=\"#6d8fb0\" stroke-width=\"0.9\"",
                 OURS[1]
@@ -206,41 +210,68 @@ fn picture(shown: &Shown<'_>, span: [f64; 2], near: bool) -> String {
         shown,
         [first.t_s, track.last().map_or(0.0, |e| e.t_s)],
     );
-    parts::labels(&mut svg, &frame, shown, &track, near);
+    parts::labels(&mut svg, &frame, shown, &track, &rings, near);
     svg.raw("</g>");
     svg.rect(
         [LEFT, TOP],
         [WIDTH - LEFT - RIGHT, frame.height],
         "fill=\"none\" stroke=\"#333\"",
     );
-    finish(svg, &frame, shown, near)
+    let entries = entries(shown, &track, marks.is_empty(), near);
+    finish(svg, &frame, &entries, near)
 }
 
-fn finish(mut svg: Svg, frame: &Frame, shown: &Shown<'_>, near: bool) -> String {
-    let mut entries = vec![
-        (Key::Line(OURS[0]), "track"),
-        (Key::Line(BLIND), "track, no fix used for 2.5 s and more"),
-        (Key::Band(OURS[1]), "ellipse of 95 %"),
+/// The legend: what is in the picture, and nothing else.
+fn entries(
+    shown: &Shown<'_>,
+    track: &[&Estimate],
+    alone: bool,
+    near: bool,
+) -> Vec<(Key, &'static str)> {
+    let span = [
+        track.first().map_or(0.0, |e| e.t_s),
+        track.last().map_or(0.0, |e| e.t_s),
     ];
-    if !shown.reference.marks.is_empty() {
-        entries.push((Key::Dashed(TRUTH), "reference"));
+    let mut entries = vec![(Key::Line(OURS[0]), "track")];
+    if shown
+        .outages
+        .iter()
+        .any(|o| o[0] < span[1] && o[1] > span[0])
+    {
+        entries.push((Key::Line(BLIND), "track, no fix used for 2.5 s and more"));
     }
-    entries.push((Key::Dot(RECEIVER), "fix used"));
-    if shown.shots.iter().any(|s| s.fate.is_none()) {
+    entries.push((Key::Band(OURS[1]), "ellipse of 95 %"));
+    if !alone {
+        entries.push((Key::Dashed(TRUTH), "reference"));
+        if near {
+            entries.push((Key::Dot(OURS[0]), "track each second"));
+            entries.push((Key::Dot(TRUTH), "reference each second"));
+        }
+    }
+    let any = |wanted: fn(Option<Fate>) -> bool| {
+        let mut own = shown.shots.iter().filter(|s| within(&span, s.fix.t_s));
+        own.any(|s| wanted(s.fate))
+    };
+    if any(|f| f == Some(Fate::Used)) {
+        entries.push((Key::Dot(RECEIVER), "fix used"));
+    }
+    if any(|f| f.is_none()) {
         entries.push((Key::Ring("#777"), "fix withheld"));
     }
-    if shown
-        .shots
-        .iter()
-        .any(|s| matches!(s.fate, Some(Fate::Refused | Fate::Forced)))
-    {
+    if any(|f| matches!(f, Some(Fate::Refused | Fate::Forced))) {
         entries.push((
             Key::Cross(REFUSED),
             "fix refused, or used only after refusals",
         ));
     }
-    entries.push((Key::Square("#111"), "stand"));
-    let foot = legend(&mut svg, TOP + frame.height + FOOT + 8.0, &entries);
+    if track.iter().any(|e| e.standing) {
+        entries.push((Key::Square("#111"), "stand"));
+    }
+    entries
+}
+
+fn finish(mut svg: Svg, frame: &Frame, entries: &[(Key, &str)], near: bool) -> String {
+    let foot = legend(&mut svg, TOP + frame.height + FOOT + 8.0, entries);
     let size = [WIDTH, foot + 4.0];
     let mut back = Svg::new();
     back.rect([0.0, 0.0], size, "fill=\"#fff\"");
@@ -342,6 +373,6 @@ fn pairs(
         let (a, b) = (frame.at(&e.place), frame.at(&m.place));
         svg.line(a, b, "stroke=\"#777\" stroke-width=\"0.8\"");
         svg.circle(a, 2.6, &format!("fill=\"{}\"", OURS[0]));
-        svg.circle(b, 2.6, "fill=\"#fff\" stroke=\"#111\" stroke-width=\"1\"");
+        svg.circle(b, 2.3, &format!("fill=\"{TRUTH}\""));
     }
 }

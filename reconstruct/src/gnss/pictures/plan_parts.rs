@@ -8,8 +8,9 @@ use super::plan::{Frame, LEFT, POINTS, REFUSED, RIGHT, TOP, thinned, within};
 use super::stage::{SIZE, WIDTH, cross};
 use super::{RECEIVER, Shown};
 use crate::gnss::forward::{Estimate, Fate};
-use crate::report::axis::{round_step, step_decimals};
+use crate::report::axis::step_decimals;
 use crate::report::labels::{Area, Placer};
+use crate::report::plan_signs::{ScaleBar, arrow, plate};
 use crate::report::svg::{Anchor, Svg, signed};
 
 /// Fixes, one of a kind a cell of the picture; cells grow until few are left.
@@ -52,6 +53,7 @@ pub(super) fn labels(
     frame: &Frame,
     shown: &Shown<'_>,
     track: &[&Estimate],
+    rings: &[Vec<[f64; 2]>],
     near: bool,
 ) {
     let bounds = Area {
@@ -61,16 +63,11 @@ pub(super) fn labels(
         h: frame.height,
     };
     let line: Vec<[f64; 2]> = track.iter().map(|e| frame.at(&e.place)).collect();
-    let mut placer = Placer::new(bounds, thinned(&line));
+    let mut kept_free = thinned(&line);
+    kept_free.extend(rings.iter().flatten());
+    let mut placer = Placer::new(bounds, kept_free);
     north_and_scale(svg, frame, &mut placer);
-    let runs = track.chunk_by(|a, b| a.standing == b.standing);
-    let mut stands: Vec<(f64, f64, [f64; 2])> = runs
-        .filter(|run| run[0].standing && run.len() > 1)
-        .map(|run| {
-            let t = run[0].t_s;
-            (run[run.len() - 1].t_s - t, t, frame.at(&run[0].place))
-        })
-        .collect();
+    let mut stands = stands(frame, track);
     stands.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, _, [x, y]) in stands.iter().take(400) {
         let style = "fill=\"#111\" stroke=\"#fff\" stroke-width=\"1\"";
@@ -116,10 +113,25 @@ pub(super) fn labels(
     }
 }
 
+/// Length, begin and place of each stand; those less than a second apart are one.
+fn stands(frame: &Frame, track: &[&Estimate]) -> Vec<(f64, f64, [f64; 2])> {
+    let mut out: Vec<(f64, f64, [f64; 2])> = Vec::new();
+    for run in track.chunk_by(|a, b| a.standing == b.standing) {
+        if !run[0].standing || run.len() < 2 {
+            continue;
+        }
+        let (from, to) = (run[0].t_s, run[run.len() - 1].t_s);
+        match out.last_mut() {
+            Some(last) if from - (last.0 + last.1) < 1.0 => last.0 = to - last.1,
+            _ => out.push((to - from, from, frame.at(&run[0].place))),
+        }
+    }
+    out
+}
+
 fn north_and_scale(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
-    let metres = round_step(90.0 / frame.per_metre);
-    let length = metres * frame.per_metre;
-    let (w, h) = (length.max(60.0) + 70.0, 44.0);
+    let bar = ScaleBar::about(90.0, frame.per_metre);
+    let (w, h) = (bar.length.max(60.0) + 70.0, 44.0);
     let (right, low) = (WIDTH - RIGHT - w - 6.0, TOP + frame.height - h - 6.0);
     let corner = |x: f64, y: f64| Area { x, y, w, h };
     let corners = [
@@ -129,39 +141,9 @@ fn north_and_scale(svg: &mut Svg, frame: &Frame, placer: &mut Placer) {
         corner(right, low),
     ];
     let [x, y] = placer.emptier(&corners, [0.0, 0.0]);
-    svg.rect([x, y], [w, h], "fill=\"#fff\" fill-opacity=\"0.86\"");
-    svg.line(
-        [x + 12.0, y + 38.0],
-        [x + 12.0, y + 14.0],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    svg.polygon(
-        &[
-            [x + 12.0, y + 5.0],
-            [x + 17.0, y + 16.0],
-            [x + 7.0, y + 16.0],
-        ],
-        "fill=\"#111\"",
-    );
-    svg.text([x + 20.0, y + 20.0], SIZE, Anchor::Start, "", "N");
-    let (from, foot) = (x + 42.0, y + 34.0);
-    svg.polyline(
-        &[
-            [from, foot - 6.0],
-            [from, foot],
-            [from + length, foot],
-            [from + length, foot - 6.0],
-        ],
-        "stroke=\"#111\" stroke-width=\"2\"",
-    );
-    let text = format!("{} m", signed(metres, step_decimals(metres)));
-    svg.text(
-        [from + 0.5 * length, foot - 9.0],
-        SIZE,
-        Anchor::Middle,
-        "",
-        &text,
-    );
+    plate(svg, corner(x, y));
+    arrow(svg, [x + 12.0, y + 8.0], SIZE, "N");
+    bar.draw(svg, [x + 42.0, y + 34.0], SIZE);
 }
 
 pub(super) fn grid(svg: &mut Svg, frame: &Frame) {

@@ -2,7 +2,7 @@
 
 use schema::num::{self, real};
 
-use crate::report::axis::Scale;
+use crate::report::axis::{Scale, power_of_ten};
 use crate::report::labels::Area;
 use crate::report::panel::{Panel, Series};
 use crate::report::svg::{self, Anchor, Svg, text_width};
@@ -85,18 +85,12 @@ impl<'a> Stage<'a> {
             let y = value.at(num::real_i64(power));
             self.svg
                 .line([a.x, y], [a.x + a.w, y], "stroke=\"#dedede\"");
-            let text = if (-4..=4).contains(&power) {
-                let digits = usize::try_from(-power).unwrap_or(0);
-                format!("{:.digits$}", 10.0_f64.powf(num::real_i64(power)))
-            } else {
-                format!("1e{power}").replace('-', "\u{2212}")
-            };
             self.svg.text(
                 [a.x - 6.0, y + 4.5],
                 SIZE * 0.92,
                 Anchor::End,
                 "fill=\"#333\"",
-                &text,
+                &power_of_ten(power),
             );
         }
         draw(&mut self.svg, &panel);
@@ -136,28 +130,28 @@ impl<'a> Stage<'a> {
 
     /// Spans as bars, one row a name, under the panels and on their axis.
     pub(super) fn rows(&mut self, title: &str, list: &[(&str, &str, Vec<[f64; 2]>)]) {
-        let height = real(list.len()) * 24.0 + 6.0;
+        let height = real(list.len()) * 34.0 + 6.0;
         let id = format!("{}-{}", self.id, self.panels);
         let panel = self.lay(title, height, [0.0, 1.0], true, &id);
         panel.start_bare(&mut self.svg, &[]);
         let a = panel.area;
         for (i, (name, color, spans)) in list.iter().enumerate() {
-            let y = a.y + 4.0 + 24.0 * real(i);
+            let y = a.y + 4.0 + 34.0 * real(i);
             for [from, to] in joined(&panel, spans) {
                 self.svg.rect(
-                    [from, y + 3.0],
-                    [(to - from).max(1.5), 16.0],
+                    [from, y + 17.0],
+                    [(to - from).max(1.5), 14.0],
                     &format!("fill=\"{color}\""),
                 );
             }
-            let w = text_width(name, SIZE * 0.86);
-            self.svg.rect(
-                [a.x + 4.0, y + 3.0],
-                [w + 6.0, 16.0],
-                "fill=\"#fff\" fill-opacity=\"0.82\"",
-            );
+            let name = if spans.is_empty() {
+                format!("{name}: never")
+            } else {
+                (*name).to_owned()
+            };
+            // Above its bars, so that it hides none of them.
             self.svg
-                .text([a.x + 7.0, y + 15.5], SIZE * 0.86, Anchor::Start, "", name);
+                .text([a.x + 7.0, y + 12.5], SIZE * 0.86, Anchor::Start, "", &name);
         }
         panel.finish(&mut self.svg);
         self.close(height, true);

@@ -17,12 +17,27 @@ pub(super) fn with_error(mean: Option<Mean>) -> String {
             if m.error.abs() < 1e-12 {
                 format!("{:.1} (each of {})", m.mean, m.count)
             } else if m.error.is_finite() {
-                format!("{:.1} \u{b1} {:.1}", m.mean, m.error)
+                // An error of 0.0 is none: one digit of it at least.
+                let digits = if m.error < 0.005 {
+                    3
+                } else {
+                    1 + usize::from(m.error < 0.05)
+                };
+                format!("{:.digits$} \u{b1} {:.digits$}", m.mean, m.error)
             } else {
                 format!("{:.1} (one value)", m.mean)
             }
         },
     )
+}
+
+/// A figure of which a tenth is shown; a smaller one is said to be so.
+pub(super) fn small(x: f64, unit: &str) -> String {
+    if x < 0.05 {
+        format!("below 0.05 {unit}")
+    } else {
+        format!("{x:.1} {unit}")
+    }
 }
 
 fn rate(e: Option<Estimate>) -> String {
@@ -184,7 +199,7 @@ fn study_lines(study: &Study) -> Vec<Vec<String>> {
                         } else {
                             String::new()
                         };
-                        format!("{:.0}{half} of {n} s", 100.0 * share)
+                        format!("{:.0}{half} % of {n} s", 100.0 * share)
                     },
                 ),
                 r.experiment
