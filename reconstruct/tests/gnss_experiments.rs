@@ -6,7 +6,9 @@
     reason = "a test fails by panicking and prints what it measured"
 )]
 
-use reconstruct::gnss::experiments::{Experiment, Outcome, drive, run};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use reconstruct::gnss::experiments::{Experiment, Outcome, drive, run, run_one};
 use reconstruct::gnss::forward::{self, Start};
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth::smooth;
@@ -35,7 +37,7 @@ fn ours_beside_the_published_filter() {
     .flatten()
     .collect();
     println!(
-        "largest deviation of a window, mean, m: source, published program, the same mended, ours from a cold start, ours, ours smoothed; truth inside 95 %"
+        "largest deviation of a window, mean, m: source, published program, the same mended, ours from a cold start, ours alone, ours, ours smoothed; truth inside 95 %, told and alone"
     );
     for experiment in Experiment::ALL {
         let rows: Vec<&Outcome> = all.iter().filter(|o| o.experiment == experiment).collect();
@@ -43,32 +45,121 @@ fn ours_beside_the_published_filter() {
             rows.iter().map(|o| of(o)).sum::<f64>() / real(rows.len().max(1))
         };
         let [program, mended] = [mean(|o| o.published_m[0]), mean(|o| o.published_m[1])];
-        let (cold, ours, smoothed) = (
+        let (cold, alone, ours, smoothed) = (
             mean(|o| o.cold_m),
+            mean(|o| o.untold_m),
             mean(|o| o.ours_m),
             mean(|o| o.smoothed_m),
         );
-        let [held, of] = [1, 0].map(|i| real(rows.iter().map(|o| o.inside[i]).sum::<usize>()));
-        let inside = held / of;
+        let [held, held_alone, of] =
+            [1, 2, 0].map(|i| real(rows.iter().map(|o| o.inside[i]).sum::<usize>()));
+        let [inside, inside_alone] = [held / of, held_alone / of];
         println!(
-            "{:32} {:3} windows: {:?} | {program:.1} {mended:.1} | {cold:.1} {ours:.1} {smoothed:.1} | {inside:.3}",
+            "{:32} {:3} windows: {:?} | {program:.1} {mended:.1} | {cold:.1} {alone:.1} {ours:.1} {smoothed:.1} | {inside:.3} {inside_alone:.3}",
             experiment.name(),
             rows.len(),
             experiment.source_m(),
         );
         assert!(rows.len() >= 5);
-        // What is asked: half of the published filter's error, a quarter from 15 s on. Found on seeds 1 to 40: 0.28, 0.26,
-        // 0.26, 0.28, 0.06; with exact speed 0.75, where the place of the fix that both start from is half of either.
-        let (most, least_inside) = match experiment {
-            Experiment::Every(5 | 10) => (0.5, 0.90),
-            Experiment::Every(_) => (0.35, 0.88),
-            Experiment::Blind => (0.25, 0.60),
-            Experiment::ExactSpeed => (1.0, 0.60),
+        // What is asked: half of the published filter's error, a quarter from 15 s on. Found on seeds 1 to 20: 0.23, 0.22,
+        // 0.22, 0.24, 0.05; with exact speed 0.53, where an ideal reckoner has 0.46 (the test below).
+        let (most, most_alone) = match experiment {
+            Experiment::Every(5 | 10) => (0.5, 0.5),
+            Experiment::Every(_) | Experiment::Blind => (0.25, 0.25),
+            Experiment::ExactSpeed => (0.65, 1.0),
         };
         assert!(ours <= most * program, "{experiment:?}: {ours} {program}");
-        assert!(inside >= least_inside, "{experiment:?}: {inside}");
+        assert!(alone <= most_alone * program, "{experiment:?}: {alone}");
+        // Ten windows of 120 s are ten draws: of 36 with tuning seeds 0.98 and more were inside.
+        let least = if rows.len() > 20 { 0.93 } else { 0.75 };
+        assert!(inside >= least && inside_alone >= least, "{experiment:?}");
         assert!(smoothed <= ours + 0.5);
     }
+}
+
+/// Variance of the best mean of `count` fixes a second apart, whose distances from each other are known exactly, in units
+/// of one fix's.
+fn best_mean(sheet: &BoxSheet, count: usize) -> f64 {
+    let (share, time) = sheet.fix_slow;
+    let c = nalgebra::DMatrix::from_fn(count, count, |i, j| {
+        let apart = real(i.abs_diff(j));
+        share * (-apart / time).exp() + if i == j { 1.0 - share } else { 0.0 }
+    });
+    1.0 / c.try_inverse().unwrap().sum()
+}
+
+/// Largest deviation in the window with exact speed, m, of a reckoner that knows the heading at its begin, the sideslip, the
+/// tilt and the mounting, and all but the draws: the best mean of the fixes before, the gyro's noise while the car moves, its
+/// bias since the last stand, its scale.
+fn ideal(seed: u64, sheet: &BoxSheet, normal: &mut impl FnMut() -> f64) -> Option<f64> {
+    const FIRST: usize = 2000;
+    const DRAWS: usize = 50;
+    let city = city::drive(seed, 200.0, sheet).unwrap();
+    if city.truth[FIRST].speed < 4.0 {
+        return None;
+    }
+    let dt = 1.0 / real(IMU_HZ);
+    let place = best_mean(sheet, FIRST / IMU_HZ + 1).sqrt();
+    let white = sheet.rate_variance.map(|v| v[2].sqrt());
+    let walk = sheet.rate_drift * dt.sqrt();
+    let mut sum = 0.0;
+    for _ in 0..DRAWS {
+        let mut off = nalgebra::Vector2::new(
+            place * sheet.fix[0] * normal(),
+            place * sheet.fix[1] * normal(),
+        );
+        let scale = sheet.rate_scale * normal();
+        let mut bias = sheet.rate_drift * 40_f64.sqrt() * normal();
+        let (mut turned, mut stood, mut most) = (0.0, 0_usize, 0.0_f64);
+        for k in FIRST..FIRST + 120 * IMU_HZ {
+            let [before, now] = [&city.truth[k - 1], &city.truth[k]];
+            if now.speed.abs() > 0.05 {
+                let turn = (now.angles[2] - before.angles[2]).sin();
+                stood = 0;
+                bias += walk * normal();
+                turned += (white[1] * normal() + bias) * dt + scale * turn;
+            } else {
+                stood += 1;
+                bias = white[0] / real(stood).sqrt() * normal();
+            }
+            let v = now.v_n.xy();
+            off += nalgebra::Vector2::new(-v.y, v.x) * turned * dt;
+            if (k + 1 - FIRST).is_multiple_of(IMU_HZ) {
+                most = most.max(off.norm());
+            }
+        }
+        sum += most;
+    }
+    Some(sum / real(DRAWS))
+}
+
+/// With exact speed half of the published filter's error, what is asked, lies little above what the sensors leave an ideal
+/// reckoner: on seeds 1 to 40 it has 7.0 m, ours 8.1 m, the published filter 15.2 m.
+#[test]
+fn exact_speed_beside_an_ideal_reckoner() {
+    let sheet = BoxSheet::default();
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut normal = || (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0;
+    let (mut floor, mut ours, mut program, mut n) = (0.0, 0.0, 0.0, 0.0);
+    for seed in SEEDS {
+        let Some(least) = ideal(seed, &sheet, &mut normal) else {
+            continue;
+        };
+        let outcome = run_one(seed, &sheet, Experiment::ExactSpeed).unwrap();
+        for o in outcome {
+            floor += least;
+            ours += o.ours_m;
+            program += o.published_m[0];
+            n += 1.0;
+        }
+    }
+    println!(
+        "exact speed, {n} windows: an ideal reckoner {:.1} m, ours {:.1} m, published {:.1} m",
+        floor / n,
+        ours / n,
+        program / n
+    );
+    assert!(ours < 1.5 * floor, "{ours} {floor}");
 }
 
 /// A fix each second: squared errors in units of the stated variance, running and smoothed.

@@ -177,8 +177,9 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
     }
     let mut text = String::from(
         "Largest deviation of a window from the truth, mean over the windows, m.\n\
-         cold: from the start that the published program has. ours: with a fix each second until the window begins.\n\n\
-         experiment                        windows  S00  published  mended   cold   ours  smoothed  inside 95 %\n",
+         cold: from the start that the published program has. ours: with a fix each second until the window begins, and\n\
+         told the heading there, as the published filter is. alone: the same with its own heading.\n\n\
+         experiment                        windows  S00  published  mended   cold  alone   ours  smoothed  inside 95 %\n",
     );
     let mut rows = Vec::new();
     for experiment in Experiment::ALL {
@@ -188,8 +189,9 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
         let [seconds, held] = [0, 1].map(|i| of.iter().map(|o| o.inside[i]).sum::<usize>());
         let inside = real(held) / real(seconds.max(1));
         let [published, mended] = [mean(|o| o.published_m[0]), mean(|o| o.published_m[1])];
-        let (cold, ours, smoothed) = (
+        let (cold, alone, ours, smoothed) = (
             mean(|o| o.cold_m),
+            mean(|o| o.untold_m),
             mean(|o| o.ours_m),
             mean(|o| o.smoothed_m),
         );
@@ -198,14 +200,14 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
             .map_or_else(|| "-".to_owned(), |m| format!("{m:.0}"));
         let _ = writeln!(
             text,
-            "{:32} {:8} {source:>4} {published:10.1} {mended:7.1} {cold:6.1} {ours:6.1} {smoothed:9.1} {:12.1}",
+            "{:32} {:8} {source:>4} {published:10.1} {mended:7.1} {cold:6.1} {alone:6.1} {ours:6.1} {smoothed:9.1} {:12.1}",
             experiment.name(),
             of.len(),
             100.0 * inside,
         );
         rows.push(json!({
             "experiment": experiment.name(), "windows": of.len(), "source_m": experiment.source_m(),
-            "published_m": published, "published_mended_m": mended, "cold_m": cold, "ours_m": ours,
+            "published_m": published, "published_mended_m": mended, "cold_m": cold, "alone_m": alone, "ours_m": ours,
             "smoothed_m": smoothed, "inside_95": inside,
         }));
     }

@@ -1,8 +1,9 @@
 //! The experiments of [S00, 3.7 and 3.8] on simulated town drives: the published filter and ours on the same input.
 //!
 //! As there, each begins with the place and velocity of a fix, the right heading and the gyro bias of an earlier stop. The
-//! program of the source starts with the window; a filter in a car runs before it, so ours is measured both ways: *cold*, from
-//! the same start, and with a fix each second until the window begins. A window's figure is the largest horizontal deviation
+//! program of the source starts with the window; a filter in a car runs before it, so ours is measured in three ways: *cold*, from
+//! the same start; with a fix each second until the window begins, and told the heading there as the published filter is; and
+//! the same *alone*, with the heading that it found itself. A window's figure is the largest horizontal deviation
 //! from the truth at its full seconds.
 
 use nalgebra::Vector3;
@@ -91,14 +92,15 @@ pub struct Outcome {
     pub published_m: [f64; 2],
     /// Of ours from the same start, running, m.
     pub cold_m: f64,
+    /// Of ours that ran before, with its own heading, m.
+    pub untold_m: f64,
     /// Of ours that ran before and is told the heading where the window begins, as the published filter is, m.
     pub ours_m: f64,
-    /// Of ours that ran before and is not, m.
-    pub untold_m: f64,
-    /// Of the same, smoothed, m.
+    /// Of the last, smoothed, m.
     pub smoothed_m: f64,
-    /// Full seconds, and those at which the truth is inside the ellipse of 95 % of ours, running.
-    pub inside: [usize; 2],
+    /// Full seconds, and those at which the truth is inside the ellipse of 95 % of ours, running: told and with its own
+    /// heading.
+    pub inside: [usize; 3],
 }
 
 /// What stopped an experiment.
@@ -120,13 +122,33 @@ pub enum ExperimentError {
 /// # Errors
 /// [`ExperimentError`] where a filter or the simulator fails.
 pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError> {
+    run_these(seed, sheet, &Experiment::ALL)
+}
+
+/// One of them: an empty list where the car stands as its window begins.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_one(
+    seed: u64,
+    sheet: &BoxSheet,
+    experiment: Experiment,
+) -> Result<Vec<Outcome>, ExperimentError> {
+    run_these(seed, sheet, &[experiment])
+}
+
+fn run_these(
+    seed: u64,
+    sheet: &BoxSheet,
+    experiments: &[Experiment],
+) -> Result<Vec<Outcome>, ExperimentError> {
     let city = city::drive(seed, DRIVE_S, sheet)?;
     let drive = drive(&city, sheet)?;
     let known = Sheet::default().heard(&drive, &Detector::default().detect(&drive));
     let truth = Reference::of_truth(&city);
     let speeds = truth.speeds();
     let mut out = Vec::new();
-    for experiment in Experiment::ALL {
+    for experiment in experiments.iter().copied() {
         let windows = if experiment.length() == LENGTHS[0] {
             WINDOWS
         } else {
@@ -282,14 +304,15 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
     }];
     let passed = ours(&told, known, Some(bias))?;
     let running = window.seconds(&passed.estimates);
-    let holds = running.iter().filter(|s| s.inside);
+    let alone = window.seconds(&untold.estimates);
+    let holds = |list: &[Second]| list.iter().filter(|s| s.inside).count();
     Ok(Outcome {
         experiment: window.trial.experiment,
         published_m,
         cold_m: most(&window.seconds(&cold.estimates)),
         ours_m: most(&running),
-        untold_m: most(&window.seconds(&untold.estimates)),
+        untold_m: most(&alone),
         smoothed_m: most(&window.seconds(&smooth(&passed))),
-        inside: [running.len(), holds.count()],
+        inside: [running.len(), holds(&running), holds(&alone)],
     })
 }
