@@ -16,6 +16,11 @@ use crate::refined::tape::Source;
 /// Refusals of a position, or of a velocity, in a row after which it is taken in with its residual as noise: a filter must not lock itself out.
 const PATIENCE: u32 = 3;
 
+/// Square of an innovation in units of its variance.
+fn square(run: &Running, z: &Scalar) -> f64 {
+    z.residual.powi(2) / (z.h.dot(&(run.p * z.h)) + z.r)
+}
+
 impl Runner<'_> {
     /// Position and velocity of a fix, true `age` before the state.
     pub(super) fn fix(&mut self, fix: &Fixed, t_s: f64) {
@@ -46,9 +51,7 @@ impl Runner<'_> {
         };
         let mut worst: f64 = 0.0;
         for axis in 0..3 {
-            let z = row(&self.run, axis);
-            let s = z.h.dot(&(self.run.p * z.h)) + z.r;
-            worst = worst.max(z.residual.powi(2) / s);
+            worst = worst.max(square(&self.run, &row(&self.run, axis)));
         }
         let forced = worst > GATE && self.refused >= PATIENCE;
         if worst > GATE && !forced {
@@ -98,36 +101,52 @@ impl Runner<'_> {
         let rate = nominal.rate(&period.rate, &self.earth).v;
         let lever = nominal.nav.c_nb.m * rate.cross(&self.sheet.antenna);
         let sd = fix.v_sd.zip_map(&self.sheet.fix_speed_floor, f64::max);
-        let force = self.speeds_refused >= PATIENCE;
-        let mut refused = false;
-        for axis in 0..3 {
+        let inflate = self.inflate;
+        let row = |run: &Running, axis: usize| {
             let mut h = Row::zeros();
             h[VEL + axis] = 1.0;
             h.fixed_rows_mut::<3>(ATT)
                 .copy_from(&skew(&lever).row(axis).transpose());
-            let mut z = Scalar {
+            Scalar {
                 source: Source::Fix,
-                residual: self.run.nominal.nav.v_n.v[axis] + lever[axis]
-                    - a_n[axis] * age
-                    - v_n[axis],
+                residual: run.nominal.nav.v_n.v[axis] + lever[axis] - a_n[axis] * age - v_n[axis],
                 h,
-                r: sd[axis].powi(2) * self.inflate + (0.3 * age).powi(2),
-            };
-            if !self.run.apply(&z, GATE) {
-                refused = true;
-                if force {
-                    z.r += z.residual.powi(2);
-                    self.run.apply(&z, f64::INFINITY);
-                }
+                r: sd[axis].powi(2) * inflate + (0.3 * age).powi(2),
             }
-        }
-        self.use_of.speeds_refused += u64::from(refused && !force);
-        self.use_of.speeds_forced += u64::from(refused && force);
-        self.speeds_refused = if refused && !force {
-            self.speeds_refused + 1
-        } else {
-            0
         };
+        // Of a velocity that is not the car's one part may fit by chance: all go in or none.
+        let worst = (0..3)
+            .map(|axis| square(&self.run, &row(&self.run, axis)))
+            .fold(0.0, f64::max);
+        let forced = worst > GATE && self.speeds_refused >= PATIENCE;
+        if worst > GATE && !forced {
+            self.speeds_refused += 1;
+            self.use_of.speeds_refused += 1;
+            return;
+        }
+        self.speeds_refused = 0;
+        self.use_of.speeds_forced += u64::from(forced);
+        if forced {
+            // So many in a row are right and the state is not, and with the velocity the heading and the place.
+            let off = Vector3::from_fn(|axis, _| row(&self.run, axis).residual);
+            self.reopen(&off);
+        }
+        for axis in 0..3 {
+            let z = row(&self.run, axis);
+            self.run.apply(&z, f64::INFINITY);
+        }
+    }
+
+    /// Velocity and heading are unsure by so much, m/s, and the place by what that made since it was last agreed with.
+    fn reopen(&mut self, off: &Vector3<f64>) {
+        let speed = self.run.nominal.nav.v_n.v.xy().norm();
+        let since = f64::from(self.refused.max(PATIENCE));
+        for axis in 0..3 {
+            self.run.p[(VEL + axis, VEL + axis)] += off[axis].powi(2);
+            self.run.p[(POS + axis, POS + axis)] += (off[axis] * since).powi(2);
+        }
+        let turn = off.xy().norm() / speed.max(off.xy().norm()).max(1.0);
+        self.run.p[(ATT + 2, ATT + 2)] += turn.powi(2);
     }
 
     /// Where north is, from elsewhere.

@@ -1,9 +1,9 @@
 //! Where the filter starts and how unsure it is there.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error_model::{ATT, POS, VEL};
-use crate::gnss::drive::{Drive, ReckonError};
+use crate::gnss::drive::{Drive, Fixed, ReckonError};
 use crate::gnss::sheet::Sheet;
 use crate::refined::states::{
     BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PLACE, SA, SG, SLIP, SLIP_GRADIENT,
@@ -35,8 +35,8 @@ pub struct Start {
 const COURSE_SPEED: f64 = 3.0;
 
 impl Start {
-    /// At the first fix that moves: its place, its velocity, its course as heading; the car level. The gyro bias is the
-    /// mean of the stands before it, where there are any.
+    /// At the first fix that moves and agrees with those after it (the first that moves, where none does): its place, its
+    /// velocity, its course as heading; the car level. The gyro bias is the mean of the stands before it, where there are any.
     ///
     /// # Errors
     /// [`ReckonError::Drive`] if no fix within the drive moves at 3 m/s or more.
@@ -47,37 +47,86 @@ impl Start {
                 drive.fixes.len()
             ),
         };
-        for fix in &drive.fixes {
-            let Some(v_n) = fix.v_n.filter(|v| v.xy().norm() >= COURSE_SPEED) else {
-                continue;
-            };
-            let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
-            if first >= drive.periods.len() || fix.t_s < drive.periods[0].t_s - drive.periods[0].dt
-            {
-                continue;
+        let begin = drive
+            .periods
+            .first()
+            .map_or(f64::INFINITY, |p| p.t_s - p.dt);
+        let end = drive.periods.last().map_or(f64::NEG_INFINITY, |p| p.t_s);
+        let moving = |i: &usize| {
+            drive.fixes.get(*i).is_some_and(|f| {
+                let within = f.t_s >= begin && f.t_s <= end + 1e-6;
+                within && f.v_n.is_some_and(|v| v.xy().norm() >= COURSE_SPEED)
+            })
+        };
+        let all = || (0..drive.fixes.len()).filter(moving);
+        let chosen = all().find(|i| agrees(drive, *i)).or(all().next());
+        let Some((fix, v_n)) = chosen.and_then(|i| Some((&drive.fixes[i], drive.fixes[i].v_n?)))
+        else {
+            return Err(fail());
+        };
+        let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
+        let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
+        for (period, still) in drive.periods[..first].iter().zip(standing) {
+            if *still {
+                sum += period.rate;
+                count += 1;
             }
-            let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
-            for (period, still) in drive.periods[..first].iter().zip(standing) {
-                if *still {
-                    sum += period.rate;
-                    count += 1;
-                }
-            }
-            let course = v_n.y.atan2(v_n.x);
-            let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
-            return Ok(Self {
-                first,
-                place: fix.place,
-                place_sd: fix.place_sd,
-                v_n,
-                v_sd: fix.v_sd,
-                angles: [0.0, 0.0, course],
-                angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
-                rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
-            });
         }
-        Err(fail())
+        let course = v_n.y.atan2(v_n.x);
+        let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
+        Ok(Self {
+            first,
+            place: fix.place,
+            place_sd: fix.place_sd,
+            v_n,
+            v_sd: fix.v_sd,
+            angles: [0.0, 0.0, course],
+            angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
+            rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
+        })
     }
+}
+
+/// A fix is held against so many after it, within so many seconds.
+const COMPANY: usize = 5;
+const COMPANY_S: f64 = 5.5;
+/// What an untold slope and biases make of the speed that the accelerometer tells, m/s a second, and a floor, m/s.
+const SPEED_DRIFT: [f64; 2] = [0.7, 0.5];
+
+/// Does a fix agree with most of those that come soon after it, in place and velocity? Where none comes it must.
+fn agrees(drive: &Drive, i: usize) -> bool {
+    let Some((first, rest)) = drive.fixes.get(i..).and_then(<[Fixed]>::split_first) else {
+        return false;
+    };
+    let soon = |f: &&Fixed| f.t_s - first.t_s <= COMPANY_S;
+    let (mut good, mut of) = (0, 0);
+    for fix in rest.iter().take(COMPANY).take_while(soon) {
+        of += 1;
+        good += u32::from(fits(drive, first, fix));
+    }
+    2 * good > of || of == 0
+}
+
+/// Could the car come from one fix to the other, as its forward accelerometer and its vertical gyro felt it?
+fn fits(drive: &Drive, a: &Fixed, b: &Fixed) -> bool {
+    let dt = b.t_s - a.t_s;
+    let (Some(va), Some(vb)) = (a.v_n, b.v_n) else {
+        return false;
+    };
+    let at = |t: f64| drive.periods.partition_point(|p| p.t_s <= t);
+    let (mut speed, mut course) = (va.xy().norm(), va.y.atan2(va.x));
+    let mut way = Vector2::zeros();
+    for period in &drive.periods[at(a.t_s)..at(b.t_s)] {
+        course += period.rate.z * period.dt;
+        speed += period.accel.x * period.dt;
+        way += Vector2::new(course.cos(), course.sin()) * (speed * period.dt);
+    }
+    let come = Vector2::new(course.cos(), course.sin()) * speed;
+    let drift = SPEED_DRIFT[0] * dt + SPEED_DRIFT[1];
+    let place_sd = a.place_sd.xy().norm().hypot(b.place_sd.xy().norm());
+    let speed_sd = a.v_sd.xy().norm().hypot(b.v_sd.xy().norm());
+    (a.place.to(&b.place).xy() - way).norm() < 3.0 * place_sd + (3.0 * speed_sd + drift) * dt
+        && (vb.xy() - come).norm() < 3.0 * speed_sd + drift
 }
 
 /// Roll and pitch of a car on a road, rad.
