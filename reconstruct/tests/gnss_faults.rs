@@ -64,7 +64,6 @@ impl Fault {
         }
         for fix in &mut drive.fixes {
             match self {
-                Self::None => {}
                 Self::Wild if random.random_bool(0.1) => {
                     let (angle, by) = (
                         random.random_range(0.0..TAU),
