@@ -204,6 +204,12 @@ impl Rot<Nav, Body> {
     }
 }
 
+/// An angle between -pi and pi, rad.
+#[must_use]
+pub fn wrapped(angle: f64) -> f64 {
+    angle.sin().atan2(angle.cos())
+}
+
 /// The cross-product matrix `[v x]`.
 #[must_use]
 pub fn skew(v: &Vector3<f64>) -> Matrix3<f64> {

@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::experiments::drive;
 use reconstruct::gnss::forward::{self, FixUse, Start};
@@ -55,7 +56,7 @@ impl Fault {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = {
             let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0xfa17);
-            move || (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0
+            move || -> f64 { StandardNormal.sample(&mut random) }
         };
         let aside = |angle: f64, by: f64| Vector3::new(by * angle.cos(), by * angle.sin(), 0.0);
         let way = random.random_range(0.0..TAU);

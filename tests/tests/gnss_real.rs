@@ -8,11 +8,11 @@
 
 use nalgebra::Vector3;
 use reconstruct::gnss::drive::{Drive, Fixed, Stamped};
-use reconstruct::gnss::forward::{self, Start};
 use reconstruct::gnss::published::{self, GnssFix, ImuSample, Initial, Input, Options};
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth::smooth;
-use reconstruct::gnss::stop::{self, Detector, ENTRY_S, EXIT_S, REPORTED_S};
+use reconstruct::gnss::stop::{self, Detector, REPORTED_S};
+use reconstruct::gnss::trial::ours as reckoned;
 use reconstruct::wgs84::Geodetic;
 use schema::num;
 use support::{log, recordings};
@@ -133,10 +133,8 @@ fn outages(real: &Real, every: f64, run_in: f64) -> [Vec<f64>; 2] {
         .map(|f| f.t_s)
         .filter(|t| *t > free)
         .collect();
-    let standing = Detector::hindsight(&part, &detector.detect(&part), ENTRY_S, EXIT_S);
     let known = sheet.heard(&whole, &detector.detect(&whole));
-    let start = Start::at_first_course(&part, &standing).unwrap();
-    let passed = forward::run(&part, &standing, &known, &start).unwrap();
+    let passed = reckoned(&part, &known, None).unwrap();
     let ours = ends
         .iter()
         .filter_map(|t| {
@@ -290,10 +288,8 @@ fn soft_stands_leave_the_bounds_honest() {
         for (row, every) in [1.0, 5.0, 10.0].into_iter().enumerate() {
             let part = whole.thinned(every);
             let found = Detector::default().detect(&part);
-            let standing = Detector::hindsight(&part, &found, ENTRY_S, EXIT_S);
-            let start = Start::at_first_course(&part, &standing).unwrap();
             let sheet = Sheet::default().heard(&part, &found);
-            let passed = forward::run(&part, &standing, &sheet, &start).unwrap();
+            let passed = reckoned(&part, &sheet, None).unwrap();
             let tracks = [passed.estimates.clone(), smooth(&passed)];
             for (track, mean) in tracks.iter().zip(&mut means[row]) {
                 let off: Vec<(f64, bool)> = track

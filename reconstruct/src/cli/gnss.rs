@@ -168,7 +168,7 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
     for result in workers::run(
         &jobs,
         threads,
-        |seed| experiments::run(*seed, &sheet),
+        |seed| experiments::run(*seed, &sheet, &Experiment::ALL),
         |done| {
             complain("drives", &format!("{done} of {}", jobs.len()));
         },
@@ -191,7 +191,7 @@ fn experiment(args: &ExperimentArgs) -> Result<u8, CliError> {
         let [published, mended] = [mean(|o| o.published_m[0]), mean(|o| o.published_m[1])];
         let (cold, alone, ours, smoothed) = (
             mean(|o| o.cold_m),
-            mean(|o| o.untold_m),
+            mean(|o| o.alone_m),
             mean(|o| o.ours_m),
             mean(|o| o.smoothed_m),
         );

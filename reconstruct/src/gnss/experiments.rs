@@ -93,7 +93,7 @@ pub struct Outcome {
     /// Of ours from the same start, running, m.
     pub cold_m: f64,
     /// Of ours that ran before, with its own heading, m.
-    pub untold_m: f64,
+    pub alone_m: f64,
     /// Of ours that ran before and is told the heading where the window begins, as the published filter is, m.
     pub ours_m: f64,
     /// Of the last, smoothed, m.
@@ -117,27 +117,11 @@ pub enum ExperimentError {
     Simulate(#[from] crate::simulate::SimulateError),
 }
 
-/// All experiments on the drive of one seed.
+/// Experiments on the drive of one seed; one whose window begins with a standing car gives nothing.
 ///
 /// # Errors
 /// [`ExperimentError`] where a filter or the simulator fails.
-pub fn run(seed: u64, sheet: &BoxSheet) -> Result<Vec<Outcome>, ExperimentError> {
-    run_these(seed, sheet, &Experiment::ALL)
-}
-
-/// One of them: an empty list where the car stands as its window begins.
-///
-/// # Errors
-/// As [`run`].
-pub fn run_one(
-    seed: u64,
-    sheet: &BoxSheet,
-    experiment: Experiment,
-) -> Result<Vec<Outcome>, ExperimentError> {
-    run_these(seed, sheet, &[experiment])
-}
-
-fn run_these(
+pub fn run(
     seed: u64,
     sheet: &BoxSheet,
     experiments: &[Experiment],
@@ -295,7 +279,7 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
     let cold = forward::run(&cold, &standing(&cold), known, &start)?;
     // As the program: the bias of an earlier stop.
     let bias = (city.earlier_bias, known.rate_drift * EARLIER_S.sqrt());
-    let untold = ours(&part, known, Some(bias))?;
+    let alone = ours(&part, known, Some(bias))?;
     let mut told = part;
     told.headings = vec![Headed {
         t_s: window.span[0],
@@ -304,14 +288,14 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
     }];
     let passed = ours(&told, known, Some(bias))?;
     let running = window.seconds(&passed.estimates);
-    let alone = window.seconds(&untold.estimates);
+    let alone = window.seconds(&alone.estimates);
     let holds = |list: &[Second]| list.iter().filter(|s| s.inside).count();
     Ok(Outcome {
         experiment: window.trial.experiment,
         published_m,
         cold_m: most(&window.seconds(&cold.estimates)),
         ours_m: most(&running),
-        untold_m: most(&alone),
+        alone_m: most(&alone),
         smoothed_m: most(&window.seconds(&smooth(&passed))),
         inside: [running.len(), holds(&running), holds(&alone)],
     })

@@ -9,8 +9,8 @@ use crate::refined::Tuning;
 
 /// White part of the lateral speed of the rear axle in one use, m/s: eight times that of the crash path. Over minutes what
 /// a model of the sideslip leaves is the same in every bend of a kind, and told the gyros a scale: with exact speed and
-/// perfect gyros the heading was 0.43 deg off after 120 s, and is 0.17. On seeds 1 to 20 every row of the experiments is
-/// 1 to 8 % better, and a third of the squared error without fixes goes.
+/// perfect gyros the heading was 0.43 deg off after 120 s, with ten times as much 0.17. On seeds 1 to 20 every row of the
+/// experiments is 2 to 8 % better; 120 s without fixes are 26.9 m instead of 29.1, smoothed 15.6 instead of 19.9.
 const SLIP_WHITE_MPS: f64 = 0.25;
 
 /// Spreads, one sigma, and places.

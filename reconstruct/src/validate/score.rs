@@ -6,6 +6,7 @@
 use schema::num::{real_i64, round_usize, usize_of};
 
 use crate::findings::{Figure, Impact, Reconstruction};
+use crate::frame::wrapped;
 use crate::simulate::truth::TrueImpact;
 use crate::simulate::{Simulated, TruthRow};
 use crate::trajectory::State;
@@ -195,10 +196,6 @@ fn driven(rows: &[TruthRow], last: usize) -> Vec<f64> {
         left[k - 1] = left[k] + (b[0] - a[0]).hypot(b[1] - a[1]);
     }
     left
-}
-
-fn wrapped(angle: f64) -> f64 {
-    angle.sin().atan2(angle.cos())
 }
 
 fn moment(state: &State, row: &TruthRow, base: &TruthRow, distance_m: f64) -> Moment {

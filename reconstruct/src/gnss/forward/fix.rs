@@ -1,12 +1,10 @@
 //! What a fix tells: place and velocity, with the share of news that its distance from the last one gives.
 
-use std::f64::consts::{PI, TAU};
-
 use nalgebra::Vector3;
 
 use super::{Fate, GATE, Runner, turn_of};
 use crate::error_model::{ATT, POS, VEL};
-use crate::frame::skew;
+use crate::frame::{skew, wrapped};
 use crate::gnss::drive::{Fixed, Headed};
 use crate::refined::measure::Scalar;
 use crate::refined::running::Running;
@@ -160,7 +158,7 @@ impl Runner<'_> {
             .copy_from(&nominal.nav.c_nb.euler_jacobian().row(2).transpose());
         let z = Scalar {
             source: Source::Fix,
-            residual: (heading - since - headed.heading + 3.0 * PI).rem_euclid(TAU) - PI,
+            residual: wrapped(heading - since - headed.heading),
             h,
             r: headed.sd.powi(2),
         };

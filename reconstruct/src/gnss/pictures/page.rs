@@ -260,7 +260,7 @@ pub fn experiments(all: &[Outcome], seeds: [u64; 2]) -> String {
                 mean(|o| o.published_m[0]),
                 mean(|o| o.published_m[1]),
                 mean(|o| o.cold_m),
-                mean(|o| o.untold_m),
+                mean(|o| o.alone_m),
                 mean(|o| o.ours_m),
                 mean(|o| o.smoothed_m),
                 tables::with_error(Mean::of(&shares)),
