@@ -212,7 +212,7 @@ fn long_logs_give_small_pictures_that_keep_the_extremes() {
     }
     let middle = track.len() / 2;
     track[middle].v_n = Vector3::new(98.7, 0.0, 0.0);
-    let found = stands::detectors(&drive);
+    let found = stands::detectors(&drive, &[]);
     let counts = [stands::count(&drive, &found[0], &reference)];
     let outages = pictures::outages(&track, &shots);
     let seconds = compare(&track, &reference);

@@ -9,6 +9,8 @@ use crate::cli::gnss::failed;
 
 /// How much less sure a fix is of its height than of its place, as in the default sheet.
 const DOWN: f64 = 1.5;
+/// Of its velocity up and down.
+const SPEED_DOWN: f64 = 0.7;
 
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Receiver, for our filter (the log's own larger errors stand)")]
@@ -16,7 +18,7 @@ pub(crate) struct ReceiverArgs {
     /// Least standard deviation of a fix north and east, m; its height has one and a half times that
     #[arg(long = "receiver-sd", value_name = "M", default_value_t = Sheet::default().fix_floor.x)]
     sd: f64,
-    /// Least standard deviation of a fix's velocity, each axis, m/s
+    /// Least standard deviation of a fix's velocity north and east, m/s; up and down it is 0.7 of that
     #[arg(long = "receiver-speed-sd", value_name = "MPS", default_value_t = Sheet::default().fix_speed_floor.x)]
     speed_sd: f64,
     /// Share of a fix's variance that stays from one fix to the next, 0 to 1
@@ -45,7 +47,7 @@ impl ReceiverArgs {
         let sd = self.sd;
         Ok(Sheet {
             fix_floor: Vector3::new(sd, sd, DOWN * sd),
-            fix_speed_floor: Vector3::repeat(self.speed_sd),
+            fix_speed_floor: Vector3::new(1.0, 1.0, SPEED_DOWN) * self.speed_sd,
             fix_correlated: self.slow_share,
             fix_time_s: self.slow_time,
             ..Sheet::default()

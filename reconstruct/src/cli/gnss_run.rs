@@ -15,6 +15,7 @@ use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stands::{self, Count};
 use reconstruct::gnss::stop::{Detector, ENTRY_S, EXIT_S};
+use reconstruct::gnss::trial::ours;
 use reconstruct::report::svg;
 use schema::num::real;
 use serde_json::json;
@@ -58,8 +59,8 @@ pub(crate) struct Args {
     receiver: ReceiverArgs,
 }
 
-/// A reckoned drive, what it says of its fixes for the summary, and each of them.
-type Reckoned = (Vec<Estimate>, serde_json::Value, Vec<Shot>);
+/// A reckoned drive, what it says of its fixes for the summary, each of them, and our smoothed track.
+type Reckoned = (Vec<Estimate>, serde_json::Value, Vec<Shot>, Vec<Estimate>);
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     seconds("--every", args.every)?;
@@ -79,12 +80,13 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         Vec::new(),
     )
     .map_err(|e| failed(&e))?;
-    let (track, used, shots) = match args.filter {
+    let (track, used, shots, smoothed) = match args.filter {
         Filter::Refined => refined(args, &sheet, &drive, speeds)?,
-        Filter::Published => by_published(args, &logs, &drive, &speeds)?,
+        Filter::Published => by_published(args, &sheet, &logs, &drive, &speeds)?,
     };
     // They hear the fixes that the filter is given.
-    let found = stands::detectors(&drive.thinned(args.every));
+    let part = drive.thinned(args.every);
+    let found = stands::detectors(&part, &smoothed);
     let counts: Vec<Count> = found
         .iter()
         .map(|f| stands::count(&drive, f, reference))
@@ -106,14 +108,14 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         counts: &counts,
         outages: &pictures::outages(&track, &shots),
     };
-    let ours = args.filter == Filter::Refined;
+    let by_ours = args.filter == Filter::Refined;
     std::fs::create_dir_all(&args.out).map_err(|e| CliError::file(&args.out, e))?;
     write_file(&args.out.join("track.csv"), csv(&track).as_bytes())?;
     let summary = json!({
         "filter": args.filter.to_possible_value().map(|v| v.get_name().to_owned()),
-        "smoothed": ours && !args.no_smoother,
+        "smoothed": by_ours && !args.no_smoother,
         "fixes_every_s": args.every, "latency_s": args.logs.choice.latency, "stop_detector": !args.no_stop,
-        "receiver": ours.then(|| args.receiver.json()),
+        "receiver": by_ours.then(|| args.receiver.json()),
         "begin_s": track.first().map(|e| e.t_s), "end_s": track.last().map(|e| e.t_s),
         "samples": track.len(), "fixes": used,
         "standing_s": standing_s(&track),
@@ -126,7 +128,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         format!("{summary:#}\n").as_bytes(),
     )?;
     let mut notes = logs.notes(&args.logs);
-    if ours {
+    if by_ours {
         notes.insert(0, args.receiver.words());
     }
     draw(&args.out, &shown, &gnss_logs::files(&args.logs), &notes)?;
@@ -179,10 +181,11 @@ fn refined(
     let start = Start::at_first_course(&drive, &standing).map_err(|e| failed(&e))?;
     let sheet = sheet.clone().heard(&drive, &found);
     let passed = forward::run(&drive, &standing, &sheet, &start).map_err(|e| failed(&e))?;
+    let smoothed = smooth(&passed);
     let track = if args.no_smoother {
         passed.estimates.clone()
     } else {
-        smooth(&passed)
+        smoothed.clone()
     };
     let f = &passed.fixes;
     let said = json!({
@@ -206,11 +209,12 @@ fn refined(
             fate: fate(fix),
         })
         .collect();
-    Ok((track, said, shots))
+    Ok((track, said, shots, smoothed))
 }
 
 fn by_published(
     args: &Args,
+    sheet: &Sheet,
     logs: &Logs,
     drive: &Drive,
     speeds: &[Speed],
@@ -264,10 +268,16 @@ fn by_published(
             }
         })
         .collect();
+    let part = drive.thinned(args.every);
+    let known = sheet
+        .clone()
+        .heard(&part, &Detector::default().detect(&part));
+    let smoothed = ours(&part, &known, None).map_or_else(|_| Vec::new(), |p| smooth(&p));
     Ok((
         track,
         json!({ "offered": input.fixes.len(), "used": used }),
         shots,
+        smoothed,
     ))
 }
 

@@ -274,6 +274,7 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         v_sd: given.v_sd,
         angles: [0.0, 0.0, city.truth[first].angles[2]],
         angles_sd: [0.04, 0.04, HEADING_SD],
+        by_course: false,
         rate_bias: Some((city.earlier_bias, bias_sd)),
     };
     let cold = forward::run(&cold, &standing(&cold), known, &start)?;

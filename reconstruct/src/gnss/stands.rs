@@ -4,8 +4,10 @@
 use schema::num::real;
 
 use super::drive::Drive;
+use super::forward;
 use super::reference::{Reference, STILL_SPEED};
 use super::stop::{self, Detector, REPORTED_S};
+use crate::error_model::VEL;
 use crate::validate::statistics::{Estimate, Share, poisson};
 
 /// Wrong seconds of the sum of both variances in [S00, table 4.8], and the seconds there; all were missed [S00, 5.3].
@@ -22,17 +24,55 @@ pub struct Found {
     pub flags: Vec<bool>,
 }
 
-/// S00's test, ours looking back only, and ours a second later.
+/// S00's test, ours looking back only, and ours afterwards; `smoothed` is the track of the drive from all of its fixes, and
+/// may be empty.
 #[must_use]
-pub fn detectors(drive: &Drive) -> [Found; 3] {
+pub fn detectors(drive: &Drive, smoothed: &[forward::Estimate]) -> [Found; 3] {
     let ours = Detector::default().detect(drive);
-    let later = Detector::hindsight(drive, &ours, REPORTED_S[0], REPORTED_S[1]);
+    let later = afterwards(drive, &ours, smoothed);
     [
         ("variance test of S00", "published", stop::published(drive)),
         ("ours, at once", "causal", ours),
         ("ours, in hindsight", "hindsight", later),
     ]
     .map(|(name, key, flags)| Found { name, key, flags })
+}
+
+/// A smoothed speed so sure, m/s, one sigma, is heard where no fix is. Where fixes come each 5 to 30 s the real drives had then
+/// 1 missed second of some 125 and none false (5 missed without); of a simulated engine that shakes by 0.3 m/s^2 half as many
+/// are missed. From 0.3 m/s on a car that still rolls at the end of its drive is taken for a standing one.
+const HEARD_SD: f64 = 0.2;
+
+/// When the car was slower than 0.2 m/s, for one who knows the drive to its end: the fixes that follow tell the speed between
+/// them, and a car that a sure track says is faster does not stand. The filter is not told these: they come of its own track.
+#[must_use]
+pub fn afterwards(drive: &Drive, found: &[bool], smoothed: &[forward::Estimate]) -> Vec<bool> {
+    let detector = Detector::default();
+    let first = smoothed.first().map_or(drive.periods.len(), |e| {
+        drive.periods.partition_point(|p| p.t_s < e.t_s - 1e-6)
+    });
+    let speed = |e: &forward::Estimate| {
+        let sd = (e.p[(VEL, VEL)] + e.p[(VEL + 1, VEL + 1)]).max(0.0).sqrt();
+        [e.v_n.xy().norm(), sd]
+    };
+    let again = if smoothed.is_empty() {
+        found.to_vec()
+    } else {
+        let mut heard = detector.told(drive);
+        for (heard, e) in heard.iter_mut().skip(first).zip(smoothed) {
+            let [v, sd] = speed(e);
+            if sd < HEARD_SD {
+                *heard = Some([v, sd]);
+            }
+        }
+        detector.detect_with(drive, &heard)
+    };
+    let mut out = Detector::hindsight(drive, &again, REPORTED_S[0], REPORTED_S[1]);
+    for (flag, e) in out.iter_mut().skip(first).zip(smoothed) {
+        let [v, sd] = speed(e);
+        *flag = *flag && v < STILL_SPEED.max(sd);
+    }
+    out
 }
 
 /// Spans of the drive that are flagged, s.

@@ -8,6 +8,9 @@ use super::drive::{Drive, Period};
 /// Threshold on the sum of the two level variances over a second, (m/s^2)^2 [S00, 4.3].
 pub const PUBLISHED: f64 = 0.048;
 
+/// Share of a window that may be held over holes.
+const HELD: f64 = 0.1;
+
 /// What [`Detector::hindsight`] is given for the filter, s: a car that still creeps must not be held.
 pub const ENTRY_S: f64 = 0.5;
 /// As [`ENTRY_S`], at the start.
@@ -23,10 +26,10 @@ pub struct Detector {
     /// Length of the window, s.
     pub window_s: f64,
     /// Variances of the specific force, level together and along gravity, that an idling engine may shake, (m/s^2)^2:
-    /// above them the car moves. First where a fix tells the speed, then where none does and a smooth road must not
-    /// look like a stand.
+    /// above them the car moves. First where a fix tells the speed or the car already stands, then where neither does and a
+    /// smooth road must not look like a stand.
     pub accel: [[f64; 2]; 2],
-    /// Variance of the rates together that it may, (rad/s)^2, with and without a fix: a rolling car pitches and yaws.
+    /// Variance of the rates together that it may, (rad/s)^2, in the same two cases: a rolling car pitches and yaws.
     pub rate: [f64; 2],
     /// A mean specific force or rate that differs from that of the stand so far by more than this, and three sigmas of its
     /// own noise, ends it: m/s^2 and rad/s. Over a second the first is the speed that the car has taken up.
@@ -34,7 +37,7 @@ pub struct Detector {
     /// Speed of a fix up to which the car may stand: m/s, and one-sigma spreads of the fix's velocity on top. A stand ends
     /// at twice that.
     pub speed: [f64; 2],
-    /// Without a fix a stand shakes no more than this many times what it did at stands that fixes told: a car that rolls
+    /// Without a fix a stand begins that shakes no more than this many times what it did at stands that fixes told: a car that rolls
     /// slowly on a smooth road is quiet, but not as quiet.
     pub idle: f64,
     /// A fix says nothing about instants more than this after it, s.
@@ -59,6 +62,8 @@ impl Default for Detector {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     n: f64,
+    /// Of them held over a hole.
+    held: f64,
     accel: Vector3<f64>,
     accel2: Vector3<f64>,
     rate: Vector3<f64>,
@@ -66,12 +71,19 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, accel: &Vector3<f64>, rate: &Vector3<f64>, sign: f64) {
+    fn add(&mut self, period: &Period, about: &Vector3<f64>, sign: f64) {
+        let (accel, rate) = (period.accel - about, period.rate);
         self.n += sign;
+        self.held += if period.measured { 0.0 } else { sign };
         self.accel += accel * sign;
-        self.accel2 += accel.component_mul(accel) * sign;
+        self.accel2 += accel.component_mul(&accel) * sign;
         self.rate += rate * sign;
-        self.rate2 += rate.component_mul(rate) * sign;
+        self.rate2 += rate.component_mul(&rate) * sign;
+    }
+
+    /// A held sample is as still as no stand is: a few do not matter, a hole tells nothing.
+    fn measured(&self) -> bool {
+        self.held < HELD * self.n
     }
 
     fn means(&self) -> [Vector3<f64>; 2] {
@@ -100,10 +112,10 @@ fn windows(drive: &Drive, seconds: f64) -> Vec<Sums> {
         .first()
         .map_or_else(Vector3::zeros, |p| p.accel);
     for period in &drive.periods {
-        sums.add(&(period.accel - about), &period.rate, 1.0);
+        sums.add(period, &about, 1.0);
         while drive.periods[from].t_s <= period.t_s - seconds + 1e-6 {
             let old = &drive.periods[from];
-            sums.add(&(old.accel - about), &old.rate, -1.0);
+            sums.add(old, &about, -1.0);
             from += 1;
         }
         out.push(sums);
@@ -128,7 +140,7 @@ pub fn published(drive: &Drive) -> Vec<bool> {
         .iter()
         .map(|w| {
             let [accel, _] = w.variances();
-            w.n > 50.0 && accel.x + accel.y < PUBLISHED
+            w.n > 50.0 && w.measured() && accel.x + accel.y < PUBLISHED
         })
         .collect()
 }
@@ -149,8 +161,8 @@ impl Gone {
     const LEFT: [f64; 2] = [0.1, 0.15];
     /// A stand so long has a mean that is no more that of the braking before it, s.
     const KNOWN_S: f64 = 2.0;
-    /// After so long the sum says no more, s.
-    const TOLD_S: f64 = 2.0;
+    /// After so long the sum says no more, s. With 2 s a car that rolled off at 1.2 m/s stood again, told so by the fix before.
+    const TOLD_S: f64 = 3.0;
 
     fn new(force: &Vector3<f64>, now: &Vector3<f64>, window_s: f64) -> Self {
         Self {
@@ -175,13 +187,14 @@ impl Detector {
     /// Standing or not at each period. Looks back only; a whole window must have been still before it says so.
     #[must_use]
     pub fn detect(&self, drive: &Drive) -> Vec<bool> {
-        let mut out = Vec::with_capacity(drive.periods.len());
-        let mut stand: Option<[Vector3<f64>; 2]> = None;
+        self.detect_with(drive, &self.told(drive))
+    }
+
+    /// Level speed and its spread that the last fix tells at each period, m/s; `None` where it is too old.
+    #[must_use]
+    pub fn told(&self, drive: &Drive) -> Vec<Option<[f64; 2]>> {
         let mut next_fix = 0;
-        let mut count: f64 = 0.0;
-        let mut idle: Option<[f64; 3]> = None;
-        let mut gone: Option<Gone> = None;
-        for (window, period) in windows(drive, self.window_s).iter().zip(&drive.periods) {
+        let heard = |period: &Period| {
             while drive
                 .fixes
                 .get(next_fix)
@@ -189,28 +202,43 @@ impl Detector {
             {
                 next_fix += 1;
             }
-            let heard = next_fix
+            next_fix
                 .checked_sub(1)
                 .and_then(|i| drive.fixes.get(i))
                 .filter(|f| period.t_s - f.t_s <= self.speed_age_s)
-                .and_then(|f| f.v_n.map(|v| (v.xy().norm(), f.v_sd.xy().norm())));
+                .and_then(|f| f.v_n.map(|v| [v.xy().norm(), f.v_sd.xy().norm()]))
+        };
+        drive.periods.iter().map(heard).collect()
+    }
+
+    /// The same where the speed of each period is heard from elsewhere: m/s and its spread.
+    #[must_use]
+    pub fn detect_with(&self, drive: &Drive, heard: &[Option<[f64; 2]>]) -> Vec<bool> {
+        let mut out = Vec::with_capacity(drive.periods.len());
+        let mut stand: Option<[Vector3<f64>; 2]> = None;
+        let mut count: f64 = 0.0;
+        let mut idle: Option<[f64; 3]> = None;
+        let mut gone: Option<Gone> = None;
+        let list = windows(drive, self.window_s);
+        for ((window, period), heard) in list.iter().zip(&drive.periods).zip(heard) {
             let [accel, rate] = window.variances();
             let means = window.means();
-            let deaf = usize::from(heard.is_none());
-            let [level, along] = self.accel[deaf];
+            // A car that stands does not pull off without a pull: what else shakes it ends no stand.
+            let strict = usize::from(heard.is_none() && stand.is_none());
+            let [level, along] = self.accel[strict];
             let shaken = [accel.x + accel.y, accel.z, rate.sum()];
-            let fixed = [level, along, self.rate[deaf]];
+            let fixed = [level, along, self.rate[strict]];
             let quiet = (0..3).all(|i| {
                 let known = idle.map_or(f64::INFINITY, |idle: [f64; 3]| self.idle * idle[i]);
-                let bound = if deaf == 1 {
+                let bound = if strict == 1 {
                     fixed[i].min(known)
                 } else {
                     fixed[i]
                 };
                 shaken[i] < bound
             });
-            let whole = window.n * period.dt > 0.9 * self.window_s;
-            let slow = heard.is_none_or(|(v, sd)| {
+            let whole = window.measured() && window.n * period.dt > 0.9 * self.window_s;
+            let slow = heard.is_none_or(|[v, sd]| {
                 let bound = self.speed[0] + self.speed[1] * sd;
                 v < bound * if stand.is_some() { 2.0 } else { 1.0 }
             });
@@ -226,7 +254,7 @@ impl Detector {
             if quiet && whole && slow && same && there {
                 gone = None;
                 count += 1.0;
-                if deaf == 0 {
+                if heard.is_some() {
                     let mean = idle.get_or_insert(shaken);
                     for (mean, now) in mean.iter_mut().zip(shaken) {
                         *mean += 0.02 * (now - *mean);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error_model::{ATT, POS, VEL};
-use crate::gnss::drive::{Drive, Fixed, ReckonError};
+use crate::gnss::drive::{Drive, Fixed, Period, ReckonError};
 use crate::gnss::sheet::Sheet;
 use crate::refined::states::{
     BA, BG, Cov, LEVER, MOUNT_PITCH, MOUNT_YAW, Nominal, PLACE, SA, SG, SLIP, SLIP_GRADIENT,
@@ -25,8 +25,10 @@ pub struct Start {
     pub v_sd: Vector3<f64>,
     /// Roll, pitch, heading, rad.
     pub angles: [f64; 3],
-    /// One sigma of each, rad.
+    /// One sigma of each, rad; that of the heading beside what `by_course` adds.
     pub angles_sd: [f64; 3],
+    /// The heading is the course of `v_n`: what that is wrong across, the heading is with it.
+    pub by_course: bool,
     /// Gyro bias in the axes of the periods, rad/s, and one sigma; `None`: zero within the sheet.
     pub rate_bias: Option<(Vector3<f64>, f64)>,
 }
@@ -36,7 +38,7 @@ const COURSE_SPEED: f64 = 3.0;
 
 impl Start {
     /// At the first fix that moves and agrees with those after it (the first that moves, where none does): its place, its
-    /// velocity, its course as heading; the car level. The gyro bias is the mean of the stands before it, where there are any.
+    /// velocity, its course as heading; the car level. The gyro bias is the median of the stands before it, where there are any.
     ///
     /// # Errors
     /// [`ReckonError::Drive`] if no fix within the drive moves at 3 m/s or more.
@@ -65,15 +67,7 @@ impl Start {
             return Err(fail());
         };
         let first = drive.periods.partition_point(|p| p.t_s < fix.t_s - 1e-6);
-        let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
-        for (period, still) in drive.periods[..first].iter().zip(standing) {
-            if *still {
-                sum += period.rate;
-                count += 1;
-            }
-        }
         let course = v_n.y.atan2(v_n.x);
-        let turned = fix.v_sd.xy().norm() / v_n.xy().norm();
         Ok(Self {
             first,
             place: fix.place,
@@ -81,10 +75,51 @@ impl Start {
             v_n,
             v_sd: fix.v_sd,
             angles: [0.0, 0.0, course],
-            angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, turned.hypot(COURSE_SD)],
-            rate_bias: (count > 25).then(|| (sum / schema::num::real(count), STAND_BIAS_SD)),
+            angles_sd: [LEVEL_ANGLE_SD, LEVEL_ANGLE_SD, COURSE_SD],
+            by_course: true,
+            rate_bias: bias(&drive.periods[..first], standing),
         })
     }
+}
+
+/// The gyro bias that stands tell, rad/s, and one sigma: about each axis the median over blocks of half a second, since the
+/// last of what is taken for a stand may be a car that already rolls and turns. Their spread is that of the noise and of such
+/// ends.
+fn bias(periods: &[Period], standing: &[bool]) -> Option<(Vector3<f64>, f64)> {
+    let mut blocks: Vec<Vector3<f64>> = Vec::new();
+    let (mut sum, mut count, mut length) = (Vector3::zeros(), 0_usize, 0.0);
+    for (period, still) in periods.iter().zip(standing) {
+        if !(*still && period.measured) {
+            (sum, count, length) = (Vector3::zeros(), 0, 0.0);
+            continue;
+        }
+        sum += period.rate;
+        count += 1;
+        length += period.dt;
+        if length > BLOCK_S - 1e-6 {
+            blocks.push(sum / schema::num::real(count));
+            (sum, count, length) = (Vector3::zeros(), 0, 0.0);
+        }
+    }
+    let middle = |mut list: Vec<f64>| {
+        list.sort_by(f64::total_cmp);
+        list.get(list.len() / 2).copied()
+    };
+    let of = |axis: usize| middle(blocks.iter().map(|b| b[axis]).collect());
+    let mean = Vector3::new(of(0)?, of(1)?, of(2)?);
+    let spread = |axis: usize| {
+        middle(
+            blocks
+                .iter()
+                .map(|b| (b[axis] - mean[axis]).abs())
+                .collect(),
+        )
+        .unwrap_or(0.0)
+    };
+    // Of a median: 1.48 of the middle deviation is a sigma, and 1.25 that over the root of their number.
+    let sd = 1.25 * 1.48 * spread(0).max(spread(1)).max(spread(2));
+    let n = schema::num::real(blocks.len());
+    Some((mean, STAND_BIAS_SD.hypot(sd / n.sqrt())))
 }
 
 /// A fix is held against so many after it, within so many seconds.
@@ -133,6 +168,8 @@ fn fits(drive: &Drive, a: &Fixed, b: &Fixed) -> bool {
 const LEVEL_ANGLE_SD: f64 = 0.04;
 /// Course against heading, rad: sideslip.
 const COURSE_SD: f64 = 0.02;
+/// Length of a block, s.
+const BLOCK_S: f64 = 0.5;
 /// Gyro bias from a stand some time ago, rad/s.
 const STAND_BIAS_SD: f64 = 5e-4;
 
@@ -163,10 +200,23 @@ pub(super) fn prior(sheet: &Sheet, start: &Start, nominal: &Nominal) -> Cov {
     }
     // Errors of roll, pitch and heading as platform angles: euler error = J psi.
     let jacobian = nominal.nav.c_nb.euler_jacobian();
-    let angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
+    let mut angles = Matrix3::from_diagonal(&Vector3::from(start.angles_sd.map(|sd| sd * sd)));
+    let mut with_velocity = Matrix3::zeros();
+    let speed2 = start.v_n.xy().norm_squared();
+    if start.by_course && speed2 > 0.0 {
+        let across = Vector3::new(-start.v_n.y, start.v_n.x, 0.0) / speed2;
+        let variances = start.v_sd.component_mul(&start.v_sd);
+        let with = across.component_mul(&variances);
+        angles[(2, 2)] += with.dot(&across);
+        with_velocity.set_row(2, &with.transpose());
+    }
     if let Some(inverse) = jacobian.try_inverse() {
         let block = inverse * angles * inverse.transpose();
         p.fixed_view_mut::<3, 3>(ATT, ATT).copy_from(&block);
+        let block = inverse * with_velocity;
+        p.fixed_view_mut::<3, 3>(ATT, VEL).copy_from(&block);
+        p.fixed_view_mut::<3, 3>(VEL, ATT)
+            .copy_from(&block.transpose());
     }
     p
 }
