@@ -101,16 +101,21 @@ impl Sums {
     }
 }
 
+/// What the sums of a drive are counted from, m/s^2.
+fn about(drive: &Drive) -> Vector3<f64> {
+    drive
+        .periods
+        .first()
+        .map_or_else(Vector3::zeros, |p| p.accel)
+}
+
 /// Means and variances over the window that ends with each period; gravity is taken off first, so that sums of squares
 /// keep their digits.
 fn windows(drive: &Drive, seconds: f64) -> Vec<Sums> {
     let mut out = Vec::with_capacity(drive.periods.len());
     let mut sums = Sums::default();
     let mut from = 0;
-    let about = drive
-        .periods
-        .first()
-        .map_or_else(Vector3::zeros, |p| p.accel);
+    let about = about(drive);
     for period in &drive.periods {
         sums.add(period, &about, 1.0);
         while drive.periods[from].t_s <= period.t_s - seconds + 1e-6 {
@@ -161,7 +166,8 @@ impl Gone {
     const LEFT: [f64; 2] = [0.1, 0.15];
     /// A stand so long has a mean that is no more that of the braking before it, s.
     const KNOWN_S: f64 = 2.0;
-    /// After so long the sum says no more, s. With 2 s a car that rolled off at 1.2 m/s stood again, told so by the fix before.
+    /// After so long the sum says no more, s. With 2 s a car that rolled off at 1.2 m/s stood again, told so by the fix before;
+    /// with 5 s soft stands that follow each other are missed.
     const TOLD_S: f64 = 3.0;
 
     fn new(force: &Vector3<f64>, now: &Vector3<f64>, window_s: f64) -> Self {
@@ -172,9 +178,10 @@ impl Gone {
         }
     }
 
-    fn step(&mut self, period: &Period) {
-        self.speed += (period.accel - self.force).xy() * period.dt;
-        self.since_s += period.dt;
+    /// `accel` from where the means are counted.
+    fn step(&mut self, accel: &Vector3<f64>, dt: f64) {
+        self.speed += (accel - self.force).xy() * dt;
+        self.since_s += dt;
     }
 
     fn may_be_back(&self) -> bool {
@@ -219,7 +226,7 @@ impl Detector {
         let mut count: f64 = 0.0;
         let mut idle: Option<[f64; 3]> = None;
         let mut gone: Option<Gone> = None;
-        let list = windows(drive, self.window_s);
+        let (list, about) = (windows(drive, self.window_s), about(drive));
         for ((window, period), heard) in list.iter().zip(&drive.periods).zip(heard) {
             let [accel, rate] = window.variances();
             let means = window.means();
@@ -248,7 +255,7 @@ impl Detector {
                     && (means[1] - w).norm() < self.shift[1] + noise[1]
             });
             if let Some(gone) = &mut gone {
-                gone.step(period);
+                gone.step(&(period.accel - about), period.dt);
             }
             let there = gone.as_ref().is_none_or(Gone::may_be_back);
             if quiet && whole && slow && same && there {
@@ -269,7 +276,7 @@ impl Detector {
             } else {
                 if let Some([force, _]) = stand.take() {
                     let known = count * period.dt > Gone::KNOWN_S;
-                    gone = (known && !same).then(|| Gone::new(&force, &means[0], self.window_s));
+                    gone = known.then(|| Gone::new(&force, &means[0], self.window_s));
                 }
                 count = 0.0;
                 out.push(false);
