@@ -44,6 +44,7 @@ pub mod stands;
 pub mod stop;
 pub mod time;
 pub mod trial;
+pub mod unproven;
 pub mod write;
 
 pub use error::GnssError;
