@@ -86,16 +86,32 @@ pub(crate) struct Logs {
     pub(crate) reference: Reference,
     /// What is said of fixes, motions and reference.
     pub(crate) said: [Vec<String>; 3],
+    /// What is said of them together.
+    pub(crate) together: Vec<String>,
 }
 
 impl Logs {
-    /// The same with the file each is said of, for a page.
+    /// Notes what the logs say together; on standard error too.
+    pub(crate) fn note(&mut self, notes: Vec<String>) {
+        for note in &notes {
+            complain("note", note);
+        }
+        self.together.extend(notes);
+    }
+
+    /// Nothing was noted.
+    pub(crate) fn sound(&self) -> bool {
+        self.said.iter().all(Vec::is_empty) && self.together.is_empty()
+    }
+
+    /// What is noted, with the file each is said of, for a page.
     pub(crate) fn notes(&self, args: &LogArgs) -> Vec<String> {
         let reference = args.reference.as_deref().unwrap_or(Path::new(""));
         [args.fixes.as_path(), &args.motions, reference]
             .into_iter()
             .zip(&self.said)
             .flat_map(|(path, said)| said.iter().map(move |n| format!("{}: {n}", name(path))))
+            .chain(self.together.iter().cloned())
             .collect()
     }
 }
@@ -190,6 +206,7 @@ pub(crate) fn read(args: &LogArgs) -> Result<Logs, CliError> {
         motions: chosen,
         reference,
         said,
+        together: Vec::new(),
     })
 }
 

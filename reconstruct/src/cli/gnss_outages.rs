@@ -7,6 +7,7 @@ use reconstruct::gnss::experiments::Experiment;
 use reconstruct::gnss::logs;
 use reconstruct::gnss::outages::{Material, study};
 use reconstruct::gnss::pictures::{page, study as picture};
+use reconstruct::gnss::plausible;
 use reconstruct::gnss::stop::Detector;
 use reconstruct::report::svg;
 use serde_json::json;
@@ -66,10 +67,12 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         ));
     }
     let sheet = args.receiver.sheet()?;
-    let logs = gnss_logs::read(&args.logs)?;
+    let mut logs = gnss_logs::read(&args.logs)?;
     let axes = args.logs.choice.axes.into();
     let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
     let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
+    let plausible = plausible::look(&whole, &logs.motions);
+    logs.note(plausible.notes());
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
     let input = logs::published(&logs.motions, &axes, &logs.fixes);
@@ -108,6 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     }
     let mut told = page::study_json(&study);
     told["log_notes"] = json!(notes);
+    told["plausibility"] = plausible.json();
     told["receiver"] = args.receiver.json();
     write_file(
         &args.out.join("outages.json"),

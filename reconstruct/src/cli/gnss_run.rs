@@ -8,6 +8,7 @@ use reconstruct::gnss::drive::{Drive, Fixed, Speed};
 use reconstruct::gnss::forward::{self, Estimate, Fate, Start};
 use reconstruct::gnss::logs;
 use reconstruct::gnss::pictures::{self, Shot, Shown, page};
+use reconstruct::gnss::plausible;
 use reconstruct::gnss::published::constants::{DT, GATE};
 use reconstruct::gnss::published::{self, Initial, Options, SpeedAid, SpeedUse};
 use reconstruct::gnss::reference::{Second, compare};
@@ -59,13 +60,19 @@ pub(crate) struct Args {
 }
 
 /// A reckoned drive, what it says of its fixes for the summary, and each of them.
-type Reckoned = (Vec<Estimate>, serde_json::Value, Vec<Shot>);
+struct Reckoned {
+    track: Vec<Estimate>,
+    used: serde_json::Value,
+    shots: Vec<Shot>,
+    notes: Vec<String>,
+}
 
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     seconds("--every", args.every)?;
     let sheet = args.receiver.sheet()?;
-    let logs = gnss_logs::read(&args.logs)?;
-    let reference = &logs.reference;
+    let mut logs = gnss_logs::read(&args.logs)?;
+    let reference = logs.reference.clone();
+    let reference = &reference;
     let speeds = if args.exact_speed {
         reference.speeds()
     } else {
@@ -79,10 +86,18 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         Vec::new(),
     )
     .map_err(|e| failed(&e))?;
-    let (track, used, shots) = match args.filter {
+    let plausible = plausible::look(&drive, &logs.motions);
+    logs.note(plausible.notes());
+    let Reckoned {
+        track,
+        used,
+        shots,
+        notes,
+    } = match args.filter {
         Filter::Refined => refined(args, &sheet, &drive, speeds)?,
         Filter::Published => by_published(args, &logs, &drive, &speeds)?,
     };
+    logs.note(notes);
     // They hear the fixes that the filter is given.
     let found = stands::detectors(&drive.thinned(args.every));
     let counts: Vec<Count> = found
@@ -119,7 +134,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         "standing_s": standing_s(&track),
         "deviation": deviation(&seconds),
         "stop_errors": page::stops_json(&counts),
-        "notes": { "fixes": logs.said[0], "motions": logs.said[1], "reference": logs.said[2] },
+        "notes": { "fixes": logs.said[0], "motions": logs.said[1], "reference": logs.said[2], "together": logs.together },
+        "plausibility": plausible.json(),
     });
     write_file(
         &args.out.join("summary.json"),
@@ -142,11 +158,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         );
     }
     print(&text)?;
-    Ok(if logs.said.iter().all(Vec::is_empty) {
-        SOUND
-    } else {
-        GAPS
-    })
+    Ok(if logs.sound() { SOUND } else { GAPS })
 }
 
 /// The page and the pictures as files of their own.
@@ -206,7 +218,12 @@ fn refined(
             fate: fate(fix),
         })
         .collect();
-    Ok((track, said, shots))
+    Ok(Reckoned {
+        track,
+        used: said,
+        shots,
+        notes: plausible::refused(f),
+    })
 }
 
 fn by_published(
@@ -264,11 +281,12 @@ fn by_published(
             }
         })
         .collect();
-    Ok((
+    Ok(Reckoned {
         track,
-        json!({ "offered": input.fixes.len(), "used": used }),
+        used: json!({ "offered": input.fixes.len(), "used": used }),
         shots,
-    ))
+        notes: Vec::new(),
+    })
 }
 
 /// Horizontal deviation from the reference at its stamps, m: mean, 95th percentile, largest, and how often the reference
