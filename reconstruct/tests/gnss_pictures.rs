@@ -235,5 +235,5 @@ fn long_logs_give_small_pictures_that_keep_the_extremes() {
     // The spike of one sample is the top of the speed's scale.
     let motion = &list.iter().find(|l| l.0 == "motion").unwrap().2;
     assert!(motion.contains(">80</text>"));
-    assert!(page::drive(&shown, &list, "files", &[]).len() < 3_000_000);
+    assert!(page::drive(&shown, &list, &page::Told::default()).len() < 3_000_000);
 }

@@ -53,6 +53,16 @@ pub(crate) enum SensorAxes {
     Car,
 }
 
+impl SensorAxes {
+    /// As it is told.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Tag => "tag",
+            Self::Car => "car",
+        }
+    }
+}
+
 impl From<SensorAxes> for Axes {
     fn from(axes: SensorAxes) -> Self {
         match axes {

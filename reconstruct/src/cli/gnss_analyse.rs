@@ -97,10 +97,10 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     check(args)?;
     let tolerance = args.broken.tolerance();
     let mut notes = Vec::new();
-    let as_fixes = |path: &Path| gnss_logs::fixes(path, tolerance);
+    let as_fixes = |path: &Path| gnss_logs::fixes(path, tolerance).map(|log| log.read);
     let fixes = load(args.fixes.as_ref(), as_fixes, &mut notes)?;
     let reference = load(args.reference.as_ref(), as_fixes, &mut notes)?;
-    let as_motions = |path: &Path| gnss_logs::motions(path, tolerance);
+    let as_motions = |path: &Path| gnss_logs::motions(path, tolerance).map(|log| log.read);
     let motions = load(args.motions.as_ref(), as_motions, &mut notes)?;
     let own = chosen_fixes(args, fixes.as_ref())?;
     let samples = chosen_motions(args, motions.as_ref())?;

@@ -1,15 +1,24 @@
 //! The logs that the commands of `reconstruct gnss` take: options, reading, and what is said of them.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
+use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
 use reconstruct::gnss::reference::Reference;
 use reconstruct::gnss::rows::{Fix, Leg, Motion, Row};
+use reconstruct::gnss::{GnssError, analyse, clocks, plausible};
+
+use schema::seal::Hex;
+use sha2::{Digest, Sha256};
 
 use crate::cli::gnss::{SensorAxes, failed};
+use crate::cli::gnss_told::Taken;
 use crate::cli::{CliError, complain};
+
+/// For the help of the commands that reckon.
+pub(crate) const EXIT_CODES: &str = "Exit codes: 0 sound, 1 failed, 2 usage, 3 finished with notes: gaps or broken lines, or logs that cannot be what they are taken for.";
 
 /// Which rows of the logs are taken, and how their axes and times are read: options of every command that takes logs.
 #[derive(Debug, clap::Args)]
@@ -78,6 +87,12 @@ pub(crate) struct LogArgs {
     broken: Broken,
 }
 
+impl LogArgs {
+    pub(crate) fn skips_broken(&self) -> bool {
+        self.broken.skip_broken
+    }
+}
+
 /// What was read.
 pub(crate) struct Logs {
     pub(crate) fixes: Vec<Fix>,
@@ -86,16 +101,44 @@ pub(crate) struct Logs {
     pub(crate) reference: Reference,
     /// What is said of fixes, motions and reference.
     pub(crate) said: [Vec<String>; 3],
+    /// What is said of them together.
+    pub(crate) together: Vec<String>,
+    /// The files and what was taken of them.
+    pub(crate) taken: Vec<Taken>,
 }
 
 impl Logs {
-    /// The same with the file each is said of, for a page.
+    /// Notes what the logs say together; on standard error too.
+    pub(crate) fn note(&mut self, notes: Vec<String>) {
+        for note in &notes {
+            complain("note", note);
+        }
+        self.together.extend(notes);
+    }
+
+    /// Looks whether the logs can be what they are taken for, and notes what speaks against it. The drive has all its fixes.
+    pub(crate) fn examine(&mut self, drive: &Drive, latency_s: f64) -> plausible::Found {
+        let found = plausible::look(drive, &self.motions);
+        let mut notes = found.notes();
+        notes.extend(clocks::delay_note(&self.fixes, &self.motions, latency_s));
+        notes.extend(clocks::reference_note(drive, &self.reference));
+        self.note(notes);
+        found
+    }
+
+    /// Nothing was noted.
+    pub(crate) fn sound(&self) -> bool {
+        self.said.iter().all(Vec::is_empty) && self.together.is_empty()
+    }
+
+    /// What is noted, with the file each is said of, for a page.
     pub(crate) fn notes(&self, args: &LogArgs) -> Vec<String> {
         let reference = args.reference.as_deref().unwrap_or(Path::new(""));
         [args.fixes.as_path(), &args.motions, reference]
             .into_iter()
             .zip(&self.said)
             .flat_map(|(path, said)| said.iter().map(move |n| format!("{}: {n}", name(path))))
+            .chain(self.together.iter().cloned())
             .collect()
     }
 }
@@ -118,20 +161,63 @@ fn name(path: &Path) -> String {
         .map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
+/// A log and the digest of its bytes.
+pub(crate) struct Log<T> {
+    pub(crate) read: Read<T>,
+    sha256: String,
+}
+
+impl<T> Log<T> {
+    fn taken(&self, what: &'static str, path: &Path, rows: usize, leg: Option<Leg>) -> Taken {
+        Taken {
+            what,
+            file: name(path),
+            sha256: self.sha256.clone(),
+            rows,
+            leg,
+        }
+    }
+}
+
 /// Reads a log of fixes.
-pub(crate) fn fixes(path: &Path, tolerance: Tolerance) -> Result<Read<Fix>, CliError> {
-    read_fixes(open(path)?, &path.display().to_string(), tolerance).map_err(|e| failed(&e))
+pub(crate) fn fixes(path: &Path, tolerance: Tolerance) -> Result<Log<Fix>, CliError> {
+    log(path, |input, name| read_fixes(input, name, tolerance))
 }
 
 /// Reads a log of accelerations and rates.
-pub(crate) fn motions(path: &Path, tolerance: Tolerance) -> Result<Read<Motion>, CliError> {
-    read_motions(open(path)?, &path.display().to_string(), tolerance).map_err(|e| failed(&e))
+pub(crate) fn motions(path: &Path, tolerance: Tolerance) -> Result<Log<Motion>, CliError> {
+    log(path, |input, name| read_motions(input, name, tolerance))
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, CliError> {
-    File::open(path)
-        .map(BufReader::new)
-        .map_err(|error| CliError::file(path, error))
+/// A file, and the digest of what was read of it.
+struct Hashed {
+    file: File,
+    hash: Sha256,
+}
+
+impl io::Read for Hashed {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.file.read(buffer)?;
+        self.hash.update(&buffer[..n]);
+        Ok(n)
+    }
+}
+
+fn log<T>(
+    path: &Path,
+    read: impl Fn(&mut BufReader<Hashed>, &str) -> Result<Read<T>, GnssError>,
+) -> Result<Log<T>, CliError> {
+    let wrong = |error| CliError::file(path, error);
+    let hashed = Hashed {
+        file: File::open(path).map_err(wrong)?,
+        hash: Sha256::new(),
+    };
+    let mut input = BufReader::new(hashed);
+    let read = read(&mut input, &path.display().to_string()).map_err(|e| failed(&e))?;
+    io::copy(&mut input, &mut io::sink()).map_err(wrong)?;
+    let digest = input.into_inner().hash.finalize();
+    let sha256 = Hex(&digest).to_string();
+    Ok(Log { read, sha256 })
 }
 
 /// What there is to note of a log; said on standard error too.
@@ -145,12 +231,9 @@ pub(crate) fn notes<T>(path: &Path, read: &Read<T>) -> Vec<String> {
 
 /// Legs in words, for an error.
 pub(crate) fn listed(legs: &[(Leg, usize)]) -> String {
-    let each = legs.iter().map(|(l, rows)| {
-        format!(
-            "equipment {} drive {} leg {} ({rows} rows)",
-            l.equipment, l.drive, l.leg
-        )
-    });
+    let each = legs
+        .iter()
+        .map(|(l, rows)| format!("{} ({rows} rows)", ids(*l)));
     each.collect::<Vec<_>>().join(", ")
 }
 
@@ -171,26 +254,101 @@ pub(crate) fn read(args: &LogArgs) -> Result<Logs, CliError> {
     let all_fixes = fixes(&args.fixes, tolerance)?;
     let all_motions = motions(&args.motions, tolerance)?;
     let mut said = [
-        notes(&args.fixes, &all_fixes),
-        notes(&args.motions, &all_motions),
+        notes(&args.fixes, &all_fixes.read),
+        notes(&args.motions, &all_motions.read),
         Vec::new(),
     ];
-    let chosen_fixes = all_fixes.select(choice.equipment, choice.drive, choice.leg);
-    let chosen = all_motions.select(choice.equipment, choice.drive, choice.leg);
-    one_leg(&all_fixes, chosen_fixes.len(), choice, &args.fixes)?;
-    one_leg(&all_motions, chosen.len(), choice, &args.motions)?;
+    let ids = (choice.equipment, choice.drive, choice.leg);
+    let chosen_fixes = all_fixes.read.select(ids.0, ids.1, ids.2);
+    let chosen = all_motions.read.select(ids.0, ids.1, ids.2);
+    one_leg(&all_fixes.read, chosen_fixes.len(), choice, &args.fixes)?;
+    one_leg(&all_motions.read, chosen.len(), choice, &args.motions)?;
+    let leg = chosen_fixes.first().map(|f| f.head.leg);
+    let moved = chosen.first().map(|m| m.head.leg);
+    let mut taken = vec![
+        all_fixes.taken("fixes", &args.fixes, chosen_fixes.len(), leg),
+        all_motions.taken("motions", &args.motions, chosen.len(), moved),
+    ];
+    let mut together: Vec<String> = Vec::new();
+    // The reference receiver has no inertial samples of its own: those of any box.
+    let lent = leg.is_some_and(|l| l.equipment == analyse::REFERENCE);
+    let of = moved.zip(leg).map(|(m, l)| Leg {
+        equipment: if lent { l.equipment } else { m.equipment },
+        ..m
+    });
+    together.extend(strangers("motions", leg, of));
     let mut reference = Reference::default();
-    if let Some(path) = &args.reference {
-        let read = fixes(path, tolerance)?;
-        said[2] = notes(path, &read);
-        reference = Reference::of_rows(&read.rows);
+    if let (Some(path), Some(leg)) = (&args.reference, leg) {
+        let log = fixes(path, tolerance)?;
+        said[2] = notes(path, &log.read);
+        let rows = reference_rows(&log.read, choice, leg, path)?;
+        let found = rows.first().map(|f| f.head.leg);
+        taken.push(log.taken("reference", path, rows.len(), found));
+        // A reference is of an equipment of its own.
+        let own = found.map(|l| Leg {
+            equipment: leg.equipment,
+            ..l
+        });
+        together.extend(strangers("reference", Some(leg), own));
+        reference = Reference::of_rows(&rows);
     }
-    Ok(Logs {
+    let mut logs = Logs {
         fixes: chosen_fixes,
         motions: chosen,
         reference,
         said,
+        together: Vec::new(),
+        taken,
+    };
+    logs.note(together);
+    Ok(logs)
+}
+
+fn ids(l: Leg) -> String {
+    format!("equipment {} drive {} leg {}", l.equipment, l.drive, l.leg)
+}
+
+/// What there is to note where another log is not of the fixes' equipment, drive and leg.
+fn strangers(what: &str, fixes: Option<Leg>, other: Option<Leg>) -> Option<String> {
+    let (fixes, other) = (fixes?, other?);
+    (fixes != other).then(|| {
+        format!(
+            "{what}: expected those of the fixes' {}, found {}",
+            ids(fixes),
+            ids(other)
+        )
     })
+}
+
+/// Rows of a reference: of the drive and leg chosen, or, where it holds several, of those of the fixes; of its equipments the
+/// reference receiver.
+fn reference_rows(
+    read: &Read<Fix>,
+    choice: &Choice,
+    fixes: Leg,
+    path: &Path,
+) -> Result<Vec<Fix>, CliError> {
+    let mut rows = read.select(None, choice.drive, choice.leg);
+    let narrow = |rows: &mut Vec<Fix>, of: &dyn Fn(Leg) -> u32, wanted: u32| {
+        let first = rows.first().map(|f| of(f.head.leg));
+        if rows.iter().any(|f| Some(of(f.head.leg)) != first) {
+            rows.retain(|f| of(f.head.leg) == wanted);
+        }
+    };
+    narrow(&mut rows, &|l| l.equipment, analyse::REFERENCE);
+    narrow(&mut rows, &|l| l.drive, fixes.drive);
+    narrow(&mut rows, &|l| l.leg, fixes.leg);
+    if rows.is_empty() {
+        return Err(failed(&format!(
+            "{}: expected a reference of equipment {}, drive {} and leg {}, found {}",
+            path.display(),
+            analyse::REFERENCE,
+            choice.drive.unwrap_or(fixes.drive),
+            choice.leg.unwrap_or(fixes.leg),
+            listed(&read.legs())
+        )));
+    }
+    Ok(rows)
 }
 
 /// Several legs in one log are several drives on several clocks: one has to be chosen.

@@ -14,6 +14,7 @@ use serde_json::json;
 use crate::cli::gnss::failed;
 use crate::cli::gnss_logs::{self, LogArgs};
 use crate::cli::gnss_receiver::ReceiverArgs;
+use crate::cli::gnss_told::Told;
 use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -27,6 +28,7 @@ enum Filters {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = gnss_logs::EXIT_CODES)]
 pub(crate) struct Args {
     #[command(flatten)]
     logs: LogArgs,
@@ -54,6 +56,30 @@ pub(crate) struct Args {
     receiver: ReceiverArgs,
 }
 
+impl Args {
+    /// Options of this command.
+    fn entries(&self) -> Vec<(&'static str, &'static str, serde_json::Value)> {
+        let filters = match self.filter {
+            Filters::Both => "both",
+            Filters::Refined => "refined",
+            Filters::Published => "published",
+        };
+        vec![
+            ("filter", "Filters", json!(filters)),
+            (
+                "lengths_s",
+                "A fix each so many seconds",
+                json!(self.lengths),
+            ),
+            (
+                "blind",
+                "Windows of 120 s without fixes, without and with the reference's speed",
+                json!(!self.no_blind),
+            ),
+        ]
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     if let Some(wrong) = args.lengths.iter().find(|n| !(2..=600).contains(*n)) {
         return Err(failed(&format!(
@@ -66,10 +92,12 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
         ));
     }
     let sheet = args.receiver.sheet()?;
-    let logs = gnss_logs::read(&args.logs)?;
+    let mut logs = gnss_logs::read(&args.logs)?;
     let axes = args.logs.choice.axes.into();
     let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
     let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
+    logs::startable(&whole).map_err(|e| failed(&e))?;
+    let plausible = logs.examine(&whole, args.logs.choice.latency);
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
     let input = logs::published(&logs.motions, &axes, &logs.fixes);
@@ -100,7 +128,19 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     if args.filter != Filters::Published {
         said.insert(0, args.receiver.words());
     }
-    let html = page::outages(&study, &gnss_logs::files(&args.logs), &said);
+    let put = Told::new(
+        &logs,
+        &args.logs,
+        (args.filter != Filters::Published).then_some(&args.receiver),
+        args.entries(),
+    );
+    let told = page::Told {
+        files: gnss_logs::files(&args.logs),
+        notes: said,
+        rows: put.rows(),
+        ..page::Told::default()
+    };
+    let html = page::outages(&study, &told);
     write_file(&args.out.join("outages.html"), html.as_bytes())?;
     let drawn = picture::study(&study);
     if !drawn.is_empty() {
@@ -108,7 +148,9 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     }
     let mut told = page::study_json(&study);
     told["log_notes"] = json!(notes);
+    told["plausibility"] = plausible.json();
     told["receiver"] = args.receiver.json();
+    put.put(&mut told);
     write_file(
         &args.out.join("outages.json"),
         format!("{told:#}\n").as_bytes(),

@@ -66,6 +66,32 @@ impl ReceiverArgs {
         )
     }
 
+    /// For the list of what was told.
+    pub(crate) fn entries(&self) -> [(&'static str, &'static str, Value); 4] {
+        [
+            (
+                "receiver_sd_m",
+                "Least standard deviation of a fix north and east, m",
+                json!(self.sd),
+            ),
+            (
+                "receiver_speed_sd_mps",
+                "Least standard deviation of a fix's velocity, m/s",
+                json!(self.speed_sd),
+            ),
+            (
+                "receiver_slow_share",
+                "Share of a fix's variance that stays",
+                json!(self.slow_share),
+            ),
+            (
+                "receiver_slow_time_s",
+                "Time over which it stays, s",
+                json!(self.slow_time),
+            ),
+        ]
+    }
+
     /// For a machine.
     pub(crate) fn json(&self) -> Value {
         json!({

@@ -18,6 +18,8 @@ mod gnss_logs;
 mod gnss_outages;
 mod gnss_receiver;
 mod gnss_run;
+mod gnss_told;
+mod gnss_track;
 mod inspect;
 mod load;
 mod run;

@@ -166,18 +166,53 @@ impl Drive {
         })
     }
 
-    /// The same with every fix dropped but one each `seconds` from the first on.
+    /// The same with every fix dropped but one each `seconds` from the first on; see [`thinned`].
     #[must_use]
     pub fn thinned(&self, seconds: f64) -> Self {
-        let mut next = f64::NEG_INFINITY;
+        let keep = thinned(self.fixes.iter().map(|f| f.t_s), seconds);
+        let mut keep = keep.iter();
         let mut out = self.clone();
-        out.fixes.retain(|fix| {
-            let keep = fix.t_s >= next - 1e-6;
+        out.fixes.retain(|_| keep.next() == Some(&true));
+        out
+    }
+}
+
+/// Which of some instants are kept, s: one each `seconds` from the first on. One that comes early by a twentieth of that, at
+/// most a tenth of a second, is kept too: the stamps of a receiver jitter.
+pub fn thinned(instants: impl Iterator<Item = f64>, seconds: f64) -> Vec<bool> {
+    let early = (0.05 * seconds).min(0.1) + 1e-6;
+    let mut next = f64::NEG_INFINITY;
+    instants
+        .map(|t_s| {
+            let keep = t_s >= next - early;
             if keep {
-                next = fix.t_s.max(next) + seconds;
+                next = t_s.max(next) + seconds;
             }
             keep
-        });
-        out
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::thinned;
+
+    #[test]
+    fn thinned_by_time_and_not_by_count() {
+        let kept = |list: &[f64], seconds: f64| -> Vec<f64> {
+            let keep = thinned(list.iter().copied(), seconds);
+            list.iter()
+                .zip(keep)
+                .filter(|x| x.1)
+                .map(|x| *x.0)
+                .collect()
+        };
+        assert_eq!(kept(&[0.0, 1.0, 2.0, 3.0, 4.0], 2.0), [0.0, 2.0, 4.0]);
+        // A gap, and more than one a second.
+        assert_eq!(kept(&[0.0, 1.0, 7.0, 8.0, 9.0], 2.0), [0.0, 7.0, 9.0]);
+        assert_eq!(kept(&[0.0, 0.2, 0.4, 0.6, 0.8, 1.0], 0.5), [0.0, 0.6]);
+        // Stamps that jitter lose none.
+        assert_eq!(kept(&[0.0, 0.999, 2.004, 2.998, 4.0], 1.0).len(), 5);
+        assert_eq!(kept(&[0.0, 0.01], 0.0).len(), 2);
     }
 }

@@ -124,6 +124,50 @@ pub fn drive(
     Drive::new(&samples, fixes, speeds)
 }
 
+/// Least speed of a fix that either filter starts from, m/s [S00, 3.6].
+const START_SPEED: f64 = 3.0;
+
+/// Does a drive hold a fix that a filter can start from?
+///
+/// # Errors
+/// [`ReckonError::Drive`] with what its fixes lack: that there are any, the time of the samples, a velocity, speed.
+pub fn startable(drive: &Drive) -> Result<(), ReckonError> {
+    let fail = |what: String| Err(ReckonError::Drive { what });
+    let (Some(a), Some(b)) = (drive.fixes.first(), drive.fixes.last()) else {
+        return fail("expected fixes that the receiver does not call bad, found none".to_owned());
+    };
+    let begin = drive
+        .periods
+        .first()
+        .map_or(f64::INFINITY, |p| p.t_s - p.dt);
+    let end = drive.periods.last().map_or(f64::NEG_INFINITY, |p| p.t_s);
+    let within: Vec<&Fixed> = drive
+        .fixes
+        .iter()
+        .filter(|f| f.t_s >= begin && f.t_s <= end + 1e-6)
+        .collect();
+    if within.is_empty() {
+        return fail(format!(
+            "expected fixes within the time of the inertial samples, {begin:.2} to {end:.2} s, found {} from {:.2} to {:.2} s, their delay taken off",
+            drive.fixes.len(),
+            a.t_s,
+            b.t_s
+        ));
+    }
+    let speeds = within.iter().filter_map(|f| Some(f.v_n?.xy().norm()));
+    match speeds.reduce(f64::max) {
+        None => fail(format!(
+            "expected fixes with a velocity, or a speed and a course, found none of {} within the drive",
+            within.len()
+        )),
+        Some(fastest) if fastest < START_SPEED => fail(format!(
+            "expected a fix that moves at {START_SPEED} m/s or more to start from, found none of {} within the drive, the fastest at {fastest:.2} m/s",
+            within.len()
+        )),
+        Some(_) => Ok(()),
+    }
+}
+
 /// The same as the published filter takes it; fixes without velocity are left out.
 #[must_use]
 pub fn published(motions: &[Motion], axes: &Axes, rows: &[Fix]) -> Input {

@@ -19,9 +19,11 @@
 //! 10. [`forward`]: our filter, the refined model's states and rows forwards in time; [`smooth`]: every instant from all data.
 //! 11. [`reference`](mod@reference): how far a track is from a reference receiver, [`stands`]: how often a stop detector is wrong.
 //! 12. [`trial`]: fixes withheld as in S00; [`experiments`] on simulated drives, [`outages`] on logs; [`pictures`] of all.
-//! 13. [`analyse`]: what the logs tell of receiver and sensors, chapter 4 of S00 for any log.
+//! 13. [`plausible`]: can the logs be what they are taken for, units, axes and signs; [`clocks`]: do they run on one.
+//! 14. [`analyse`]: what the logs tell of receiver and sensors, chapter 4 of S00 for any log.
 
 pub mod analyse;
+pub mod clocks;
 mod columns;
 pub mod drive;
 pub mod error;
@@ -34,6 +36,7 @@ pub mod logs;
 pub mod notes;
 pub mod outages;
 pub mod pictures;
+pub mod plausible;
 pub mod published;
 pub mod read;
 pub mod reference;

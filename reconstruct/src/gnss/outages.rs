@@ -186,7 +186,7 @@ pub fn study(
             let end = m.whole.fixes.last().map_or(begin, |f| f.t_s);
             out.notes.push(missing(format!(
                 "not done: expected {:.0} s with reference after a moving fix and {:.0} s from the start, found a drive of {:.0} s from there",
-                window_s(experiment), RUN_IN_S[0], end - begin
+                window_s(experiment), RUN_IN_S[0], (end - begin).max(0.0) + 0.0
             )));
             continue;
         }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::{Picture, Shown, study as picture, tables};
 use crate::gnss::analyse::correlated as figures;
 use crate::gnss::experiments::{Experiment, Outcome};
+use crate::gnss::forward::Fate;
 use crate::gnss::outages::{Mean, Study};
 use crate::report::summary;
 use crate::report::svg::escape;
@@ -78,8 +79,36 @@ fn figure(svg: &str, caption: &str) -> String {
 
 const STOPS_NOTE: &str = "Counted at full seconds against a reference speed of 0.2 m/s, as S00 does; in brackets the exact interval of 95 % of a Poisson rate. Wrong seconds come in runs at the ends of stands and are taken for independent: the true interval is wider. A stand of the reference is two seconds or more; it is found if one of them is.";
 
+/// What a page says of how its figures came about.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    /// The logs in words.
+    pub files: String,
+    /// What there is to note.
+    pub notes: Vec<String>,
+    /// What was taken and told: term and value.
+    pub rows: Vec<[String; 2]>,
+    /// What of the drive is before the track, if it is worth a word.
+    pub begin: Option<String>,
+    /// The filter was fed the reference's own speed.
+    pub fed: bool,
+}
+
+impl Told {
+    fn section(&self) -> (&'static str, String) {
+        let mut rows = String::new();
+        for [term, value] in &self.rows {
+            row(&mut rows, term, std::slice::from_ref(value));
+        }
+        let table = table("plain rows told", &["what", "value"], &rows);
+        ("What was taken and told", table)
+    }
+}
+
+const FED: &str = "The filter was fed the reference's own speed (--exact-speed): the deviation from that reference is not that of a drive without it.";
+
 /// The figures asked for first.
-fn first_figures(shown: &Shown<'_>) -> Vec<[String; 3]> {
+fn first_figures(shown: &Shown<'_>, fed: bool) -> Vec<[String; 3]> {
     let mut key = Vec::new();
     let s = shown.seconds;
     let n = schema::num::real(s.len());
@@ -97,7 +126,12 @@ fn first_figures(shown: &Shown<'_>) -> Vec<[String; 3]> {
         let inside = schema::num::real(s.iter().filter(|s| s.inside).count()) / n;
         let near = |x: f64| format!("{x:.1} m");
         key.push([
-            "Mean deviation".into(),
+            if fed {
+                "Mean deviation, with the reference's speed fed in"
+            } else {
+                "Mean deviation"
+            }
+            .into(),
             mean.map_or_else(String::new, |m| near(m.value)),
             format!(
                 "{}largest {}, of {} instants of the reference",
@@ -116,16 +150,18 @@ fn first_figures(shown: &Shown<'_>) -> Vec<[String; 3]> {
             "of these instants; they follow each other and are not independent".into(),
         ]);
     }
-    let used = shown.track.iter().filter(|e| e.fixed).count();
+    let [used, refused, forced] = [Fate::Used, Fate::Refused, Fate::Forced]
+        .map(|fate| shown.shots.iter().filter(|s| s.fate == Some(fate)).count());
     let begin = shown.track.first().map_or(f64::INFINITY, |e| e.t_s);
-    let early = shown.shots.iter().filter(|s| s.fix.t_s < begin - 0.03);
+    let left = shown.shots.iter().filter(|s| s.fate.is_none());
+    let early = left.clone().filter(|s| s.fix.t_s < begin).count();
     key.push([
         "Fixes used".into(),
         format!("{used}"),
         format!(
-            "of {} in the log, {} of them before the track begins",
+            "of {} in the log; {refused} refused, {forced} forced in after refusals, {} not given to the filter, {early} of them before the track begins",
             shown.shots.len(),
-            early.count()
+            left.count()
         ),
     ]);
     let longest = shown
@@ -149,14 +185,17 @@ fn first_figures(shown: &Shown<'_>) -> Vec<[String; 3]> {
     key
 }
 
-/// `report.html` of a drive; `pictures` are [`super::all`] of it, `files` in words, `notes` of the logs.
+/// `report.html` of a drive; `pictures` are [`super::all`] of it, with what was told.
 #[must_use]
-pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[String]) -> String {
+pub fn drive(shown: &Shown<'_>, pictures: &[Picture], told: &Told) -> String {
     let s = shown.seconds;
-    let key = first_figures(shown);
-    let mut limits = vec![
+    let key = first_figures(shown, told.fed);
+    let mut limits: Vec<String> = Vec::new();
+    limits.extend(told.fed.then(|| FED.to_owned()));
+    limits.extend(told.begin.clone());
+    limits.push(
         "Bounds are the filter's own: they rest on what it takes for granted of sensors and receiver, and hold as far as that does.".to_owned(),
-    ];
+    );
     if s.is_empty() {
         limits.push(
             "Without a reference nothing here says how far the track is from the truth.".to_owned(),
@@ -166,7 +205,7 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
             "Deviations are from the reference receiver, whose own errors are in them.".to_owned(),
         );
     }
-    limits.extend(notes.iter().cloned());
+    limits.extend(told.notes.iter().cloned());
     let mut sections: Vec<(&'static str, String)> = Vec::new();
     let mut plans = String::new();
     let mut rest = String::new();
@@ -196,9 +235,10 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
         )
     };
     sections.push(("Errors of the stop detectors", stops));
+    sections.push(told.section());
     html(&Page {
         title: "A drive from satellite fixes and inertial samples",
-        sub: format!("{files}; filter: {}", shown.filter),
+        sub: format!("{}; filter: {}", told.files, shown.filter),
         key,
         limits,
         sections,
@@ -207,13 +247,13 @@ pub fn drive(shown: &Shown<'_>, pictures: &[Picture], files: &str, notes: &[Stri
 
 /// `outages.html`.
 #[must_use]
-pub fn outages(study: &Study, files: &str, notes: &[String]) -> String {
+pub fn outages(study: &Study, told: &Told) -> String {
     let mut limits = vec![
         "One drive: its windows share a car, a road and a receiver. The figures behind the sign \u{b1} are standard errors over its outages and windows alone.".to_owned(),
         "Deviations are from the reference receiver, whose own errors are in them. The published filter starts each window with the place of its fix and the velocity of the reference; ours has run since the drive began.".to_owned(),
         "S00's figures are those that it read off its own pictures, of other drives.".to_owned(),
     ];
-    limits.extend(notes.iter().chain(&study.notes).cloned());
+    limits.extend(told.notes.iter().chain(&study.notes).cloned());
     let svg = picture::study(study);
     let drawn = if svg.is_empty() {
         "<p>Cannot tell: no experiment could be done on this drive.</p>\n".to_owned()
@@ -225,12 +265,13 @@ pub fn outages(study: &Study, files: &str, notes: &[String]) -> String {
     };
     html(&Page {
         title: "What outages cost",
-        sub: files.to_owned(),
+        sub: told.files.clone(),
         key: Vec::new(),
         limits,
         sections: vec![
             ("Deviation at the ends of the outages", tables::study(study)),
             ("Deviation over time", drawn),
+            told.section(),
         ],
     })
 }

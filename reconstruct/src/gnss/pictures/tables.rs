@@ -238,7 +238,9 @@ pub fn study_json(study: &Study) -> Value {
     for r in &study.rows {
         for (name, curve) in filters(r) {
             let Some(c) = curve else { continue };
-            let inside = c.inside().map(|(share, error, n)| {
+            // Its variances are those of the Earth's axes, not of north and east: as in the table.
+            let told = c.inside().filter(|_| name != "published");
+            let inside = told.map(|(share, error, n)| {
                 json!({ "share": share, "standard_error": error, "seconds": n })
             });
             rows.push(json!({

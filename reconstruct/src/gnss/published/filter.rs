@@ -112,7 +112,9 @@ fn drive<E: Estimator>(
     let mut k = first;
     for (n, pair) in fixes.windows(2).enumerate() {
         // The program counts its fixes from 1 and never uses the first.
-        let due = n > 0 && options.every.is_some_and(|every| n % every == 0);
+        let chosen = options.due.as_ref().map(|list| list.get(n) == Some(&true));
+        let due =
+            n > 0 && chosen.unwrap_or_else(|| options.every.is_some_and(|every| n % every == 0));
         let mut fresh = true;
         while let Some(sample) = motions.get(k)
             && sample.t_s < pair[1].t_s

@@ -41,6 +41,8 @@ pub struct Options {
     /// Fixes from one update to the next; `None`: no fix is used. It counts fixes, not seconds. With 1 the program's
     /// own condition is never met; here every fix is used.
     pub every: Option<usize>,
+    /// In its place: which fixes are used, one flag each; the first never is.
+    pub due: Option<Vec<bool>>,
     /// Bound of the stop detector on var(ax) + var(ay), (m/s^2)^2; `None`: off.
     pub stop: Option<f64>,
     /// Samples by which the fixes are late.
@@ -59,6 +61,7 @@ impl Default for Options {
         Self {
             variant: Variant::program(),
             every: Some(EVERY),
+            due: None,
             stop: Some(STOP_VARIANCE),
             latency: LATENCY,
             speed: None,
