@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tables};
 use reconstruct::gnss::read::Read;
 use reconstruct::gnss::rows::{Fix, Motion, Row};
+use reconstruct::gnss::sheet::Sheet;
+use reconstruct::gnss::{clocks, logs, plausible};
 use reconstruct::report::svg;
 
 use crate::cli::gnss::failed;
@@ -16,7 +18,7 @@ use crate::cli::{CliError, GAPS, SOUND, complain, print, print_json, write_file}
     mut_arg("equipment", |a| a.help("Equipment to take; of the fixes all are taken otherwise")),
     mut_arg("axes", |a| a.help("Axes of the inertial sensors, for telling stops from driving; the figures are of the sensor's own axes")),
     mut_arg("latency", |a| a.help("Delay of the fixes behind the inertial samples, for telling stops from driving")),
-    after_help = "Exit code 3: the logs have gaps or broken lines, a sensor came to the end of its range, or a log that is there does not tell what it ought to."
+    after_help = "Exit code 3: the logs have gaps or broken lines, a sensor came to the end of its range, a log that is there does not tell what it ought to, or the logs cannot be what they are taken for: units, axes, clocks."
 )]
 pub(crate) struct Args {
     /// Log of fixes, 35 columns
@@ -104,6 +106,12 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let motions = load(args.motions.as_ref(), as_motions, &mut notes)?;
     let own = chosen_fixes(args, fixes.as_ref())?;
     let samples = chosen_motions(args, motions.as_ref())?;
+    if let Some(said) = examined(args, &own, &samples) {
+        for note in &said {
+            complain("note", note);
+        }
+        notes.extend(said);
+    }
     let reference_rows = reference.map_or_else(Vec::new, |r| r.rows);
     let logs = Logs {
         fixes: &own,
@@ -149,6 +157,23 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     } else {
         GAPS
     })
+}
+
+/// What speaks against the logs of a box being what they are taken for; `None` unless both are there, of one leg each.
+fn examined(args: &Args, own: &[Fix], samples: &[(u64, Motion)]) -> Option<Vec<String>> {
+    let motions: Vec<Motion> = samples.iter().map(|s| s.1).collect();
+    let leg = motions.first()?.head.leg;
+    let fixes: Vec<Fix> = own.iter().filter(|f| f.head.leg == leg).copied().collect();
+    if fixes.is_empty() || motions.iter().any(|m| m.head.leg != leg) {
+        return None;
+    }
+    let latency_s = args.choice.latency;
+    let fixed = logs::fixes(&fixes, latency_s, &Sheet::default());
+    let axes = args.choice.axes.into();
+    let drive = logs::drive(&motions, &axes, fixed, Vec::new()).ok()?;
+    let mut said = plausible::look(&drive, &motions).notes();
+    said.extend(clocks::delay_note(&fixes, &motions, latency_s));
+    Some(said)
 }
 
 /// Fixes of the equipment chosen, and those of the reference beside them.

@@ -116,7 +116,7 @@ impl Told {
             ]);
         }
         let words = |value: &Value| match value {
-            Value::Null => "not said".to_owned(),
+            Value::Null => "any: the log has one".to_owned(),
             Value::Bool(true) => "yes".to_owned(),
             Value::Bool(false) => "no".to_owned(),
             Value::String(text) => text.clone(),

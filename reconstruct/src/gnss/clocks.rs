@@ -4,9 +4,9 @@ use super::drive::{Drive, Fixed};
 use super::reference::{Mark, Reference};
 use super::rows::{Fix, Head, Motion, Row};
 
-/// Delays farther from the one that was told are noted, s, where the stamps scatter less than this from their median.
+/// Delays farther from the one that was told are noted, s, where they scatter less than this from fix to fix.
 const DELAY_OFF_S: f64 = 0.3;
-const SCATTER_S: f64 = 0.05;
+const SCATTER_S: f64 = 0.1;
 /// Rows with both stamps, in either log, that tell of a delay.
 const STAMPED: usize = 10;
 /// Shifts of the reference that are tried, s, and their steps: all, then about the best.
@@ -15,43 +15,62 @@ const STEPS_S: [f64; 2] = [0.25, 0.05];
 /// A smaller shift is a receiver's own delay, s.
 const SHIFT_OFF_S: f64 = 0.5;
 /// A shift is one if it takes the mean difference of the speeds to this share, and so much off it, m/s.
-const SHARE: f64 = 0.6;
-const GAIN_MPS: f64 = 0.3;
+const SHARE: f64 = 0.7;
+const GAIN_MPS: f64 = 0.2;
 /// Least number of speeds that are compared, and the most.
 const COMPARED: [usize; 2] = [20, 1000];
 /// Marks farther apart are not joined, s.
 const JOINED_S: f64 = 2.5;
 
-/// How far on-board stamps are behind GPS time, s: the median, and that of the deviations from it.
-fn behind<'a>(heads: impl Iterator<Item = &'a Head>) -> Option<(f64, f64)> {
-    let week = |h: &Head| Some(604_800.0 * f64::from(h.week.unwrap_or(0)) + h.tow_s?);
-    let list: Vec<f64> = heads.filter_map(|h| Some(h.obu_s - week(h)?)).collect();
-    if list.len() < STAMPED {
-        return None;
-    }
-    let middle = super::notes::median(list.clone())?;
-    let off = super::notes::median(list.iter().map(|x| (x - middle).abs()).collect())?;
-    Some((middle, off))
+/// A log's stamps: on-board, and how far it is behind GPS time, s.
+fn stamps<'a>(heads: impl Iterator<Item = &'a Head>) -> Vec<(f64, f64)> {
+    heads
+        .filter_map(|h| {
+            let week = 604_800.0 * f64::from(h.week.unwrap_or(0));
+            Some((h.obu_s, h.obu_s - week - h.tow_s?))
+        })
+        .collect()
 }
 
 /// Delay of the fixes behind the inertial samples by the stamps of both logs, s: where GPS time is that of the fix and of the
-/// sample, the on-board stamps differ by it. `None` where the stamps are not there or do not run with GPS time.
+/// sample, the on-board stamps differ by it. The median, and the span in which eight fixes of ten lie; `None` where the stamps
+/// are not there or do not run with GPS time.
 #[must_use]
-pub fn delay(fixes: &[Fix], motions: &[Motion]) -> Option<f64> {
-    let (late, scatter) = behind(fixes.iter().map(Row::head))?;
-    let (there, scatter_there) = behind(motions.iter().map(Row::head))?;
-    (scatter.max(scatter_there) < SCATTER_S).then_some(late - there)
+pub fn delay(fixes: &[Fix], motions: &[Motion]) -> Option<(f64, [f64; 2])> {
+    let there = stamps(motions.iter().map(Row::head));
+    // Both clocks drift alike: each fix beside the sample of its moment.
+    let mut list: Vec<f64> = stamps(fixes.iter().map(Row::head))
+        .iter()
+        .filter_map(|(t_s, late)| {
+            let beside = there.get(there.partition_point(|m| m.0 < *t_s))?;
+            (beside.0 - t_s < 1.0).then_some(late - beside.1)
+        })
+        .collect();
+    if list.len() < STAMPED {
+        return None;
+    }
+    // From one fix to the next, so that a clock that was set once does not count as scatter.
+    let jitter = list.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+    let scatter = super::notes::median(jitter)?;
+    list.sort_by(f64::total_cmp);
+    let [low, middle, high] = [1, 5, 9].map(|tenths| list[(list.len() - 1) * tenths / 10]);
+    (scatter < SCATTER_S).then_some((middle, [low, high]))
 }
 
 /// What there is to note of a delay that the stamps tell, beside the one that was told, s.
 #[must_use]
 pub fn delay_note(fixes: &[Fix], motions: &[Motion], latency_s: f64) -> Option<String> {
-    let found = delay(fixes, motions)?;
+    let (found, [low, high]) = delay(fixes, motions)?;
     // Stamps of another day or of a counter of their own are no delay.
-    let off = (found - latency_s).abs();
-    (off > DELAY_OFF_S && found.abs() < SHIFT_S).then(|| {
+    let off = (found - latency_s).abs() > DELAY_OFF_S || high - low > DELAY_OFF_S;
+    let span = if high - low > DELAY_OFF_S {
+        format!("{low:.2} to {high:.2} s")
+    } else {
+        format!("{found:.2} s")
+    };
+    (off && found.abs() < SHIFT_S).then(|| {
         format!(
-            "fixes: expected them {latency_s:.2} s behind the inertial samples (--latency), found the on-board stamps {found:.2} s behind GPS time as the inertial samples have it"
+            "fixes: expected them {latency_s:.2} s behind the inertial samples (--latency), found the on-board stamps {span} behind GPS time as the inertial samples have it"
         )
     })
 }
@@ -141,13 +160,18 @@ mod tests {
         let city = city::drive(4, 200.0, &sheet).unwrap();
         let (fixes, motions, rows) = logs::rows(&city, &sheet, &Axes::Car);
         let found = delay(&fixes, &motions).unwrap();
-        assert!((found - sheet.latency_s).abs() < 1e-3, "{found}");
+        assert!((found.0 - sheet.latency_s).abs() < 1e-3, "{found:?}");
         assert!(delay_note(&fixes, &motions, 1.24).is_none());
         assert!(
             delay_note(&fixes, &motions, 0.2)
                 .unwrap()
                 .contains("1.24 s behind")
         );
+        // A clock that was set in the middle.
+        let mut set = fixes.clone();
+        set[100..].iter_mut().for_each(|f| f.head.obu_s += 1.0);
+        let note = delay_note(&set, &motions, 1.24).unwrap();
+        assert!(note.contains("1.24 to 2.24 s behind"), "{note}");
         let bare: Vec<Fix> = fixes
             .iter()
             .map(|f| Fix {
@@ -163,10 +187,10 @@ mod tests {
         let drive = logs::drive(&motions, &Axes::Car, fixed, Vec::new()).unwrap();
         let reference = Reference::of_rows(&rows);
         assert_eq!(reference_note(&drive, &reference), None);
-        for by in [-30.0, -2.0, 0.8, 30.0] {
+        for by in [-30.0, -1.5, 1.0, 2.0, 30.0] {
             let mut moved = reference.clone();
             moved.marks.iter_mut().for_each(|m| m.t_s += by);
-            let found = shift(&drive.fixes, &moved).unwrap();
+            let found = shift(&drive.fixes, &moved).unwrap_or(f64::NAN);
             assert!((found - by).abs() < 0.25, "{by} {found}");
             assert!(
                 reference_note(&drive, &moved)

@@ -86,11 +86,12 @@ impl Slope {
 
     /// As in a note: to the digits that its error leaves it.
     fn words(self) -> String {
-        if self.value.abs() >= 100.0 {
-            format!("{:.0} \u{b1} {:.0}", self.value, self.se)
-        } else {
-            format!("{:.2} \u{b1} {:.2}", self.value, self.se)
-        }
+        let digits = match self.value.abs() {
+            v if v >= 100.0 => 0,
+            v if v > 0.0 && v < 0.01 => 6,
+            _ => 2,
+        };
+        format!("{:.digits$} \u{b1} {:.digits$}", self.value, self.se)
     }
 }
 
