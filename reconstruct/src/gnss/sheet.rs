@@ -77,7 +77,7 @@ impl Default for Sheet {
             },
             antenna: Vector3::zeros(),
             fix_floor: Vector3::new(2.0, 2.0, 3.0),
-            fix_speed_floor: Vector3::new(0.35, 0.35, 0.25),
+            fix_speed_floor: Vector3::new(0.35, 0.35, 0.7 * 0.35),
             fix_time_s: 40.0,
             fix_correlated: 0.8,
             tuning: Tuning {

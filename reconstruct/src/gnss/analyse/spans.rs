@@ -304,8 +304,16 @@ fn fixes_of(fixes: &[Fix], leg: Leg, latency_s: f64) -> Vec<Fixed> {
         .collect();
     let one = fixes.chunk_by(|a, b| a.head.leg == b.head.leg).count() == 1;
     let chosen: &[Fix] = if own.is_empty() && one { fixes } else { &own };
-    logs::fixes(chosen, latency_s, &Sheet::default())
+    // What rolls into a stand would be in its variance: rather fewer stands than such.
+    let sheet = Sheet {
+        fix_speed_floor: Vector3::repeat(STRICT_SPEED_SD),
+        ..Sheet::default()
+    };
+    logs::fixes(chosen, latency_s, &sheet)
 }
+
+/// Spread that the detector takes the velocity of a fix to have, m/s.
+const STRICT_SPEED_SD: f64 = 0.2;
 
 /// Samples of rows without a long hole; `None` of fewer than two, which have no period.
 fn stretch(leg: Leg, rows: &[(u64, Motion)], fixes: &[Fixed], axes: &Axes) -> Option<Stretch> {
