@@ -254,9 +254,6 @@ impl<'a> Runner<'a> {
         let w_b = nominal.rate(&period.rate, &self.earth);
         let (next, view) = forward(&nominal.nav, f_b, w_b, period.dt, &self.earth);
         let mut density = self.density(period, stands);
-        if !stands {
-            density.accel.z += UPRIGHT_DENSITY.powi(2);
-        }
         density.rate += w_b.v.map(|w| (tuning.rate_nonlinearity * w).powi(2));
         let mounting = nominal.mounting();
         self.run.nominal.nav = next;
@@ -307,7 +304,8 @@ impl<'a> Runner<'a> {
             }
         } else {
             Density {
-                accel: square(&sheet.accel_density),
+                accel: square(&sheet.accel_density)
+                    + Vector3::new(0.0, 0.0, UPRIGHT_DENSITY.powi(2)),
                 rate: square(&sheet.rate_density),
             }
         };

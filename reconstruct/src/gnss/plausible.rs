@@ -10,6 +10,7 @@ use schema::num::real;
 use super::columns;
 use super::drive::{Drive, Fixed};
 use super::forward::FixUse;
+use super::notes::median;
 use super::rows::Motion;
 use crate::frame::wrapped;
 
@@ -200,9 +201,7 @@ impl Found {
         }
         out
     }
-}
 
-impl Found {
     fn turn_note(&self) -> Option<String> {
         let back = self.turn_back;
         let follows = back.is_none_or(|b| b.value + SIGMAS * b.se >= FOLLOWS);
@@ -267,11 +266,6 @@ pub fn refused(fixes: &FixUse) -> Vec<String> {
             )
         })
         .collect()
-}
-
-/// Middle of values, as [`super::notes::median`].
-fn median(values: Vec<f64>) -> Option<f64> {
-    super::notes::median(values)
 }
 
 /// The same about their medians: a gyro's bias, a box that is not level.
