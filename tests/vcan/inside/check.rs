@@ -17,7 +17,7 @@ const PLAYED_S: u32 = 8;
 /// Frames that come farther apart than this, ns, are a gap of the bus: whoever plays them was held up.
 const HELD_UP_NS: i64 = 50_000_000;
 /// Rounds, of which one must not have been held up.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 
 fn check(lane: &Lane) {
     let log = car::log(lane, PLAYED_S, None);
@@ -38,6 +38,8 @@ fn check(lane: &Lane) {
         let frames = read_log(&logged, &["vcan0"]);
         let held_up = [0x120, 0x121, 0x122].map(|id| widest(&frames, id));
         println!("exit code {code:?}, widest gap of the bus {held_up:?} ns: {report}");
+        let seconds = report["seconds"].as_f64().unwrap();
+        let undisturbed = held_up.iter().all(|gap| *gap < HELD_UP_NS);
         for (signal, hertz) in [
             ("accel", 100.0),
             ("rate", 100.0),
@@ -49,11 +51,14 @@ fn check(lane: &Lane) {
             let found = found.unwrap_or_else(|| panic!("no {signal} in {report}"));
             assert_eq!(found["arrives"], true, "{signal}");
             let rate = found["rate_hz"].as_f64().unwrap();
-            assert!((rate / hertz - 1.0).abs() < 0.02, "{signal}: {rate} Hz");
+            // What a player that was held up has missed it sends at once, and the time line fitted to that is bent.
+            assert!(
+                !undisturbed || (rate / hertz - 1.0).abs() < 0.02,
+                "{signal}: {rate} Hz"
+            );
         }
-        let seconds = report["seconds"].as_f64().unwrap();
-        assert!((4.0..=5.2).contains(&seconds), "{seconds} s");
-        if held_up.iter().all(|gap| *gap < HELD_UP_NS) {
+        if undisturbed {
+            assert!((4.0..=5.2).contains(&seconds), "{seconds} s");
             assert_eq!(code, Some(0), "{}", report["warnings"]);
             assert_eq!(report["warnings"], Value::Array(Vec::new()));
             return;
