@@ -32,7 +32,7 @@ use reconstruct::gnss::published::matrices::{
 };
 use reconstruct::gnss::published::{Chains, Dense, Engine, Initial, Options, Reading, Source, run};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
+use reconstruct::gnss::smooth;
 use reconstruct::gnss::stop::{Detector, ENTRY_S, EXIT_S};
 use reconstruct::simulate::city::{self, BoxSheet};
 use schema::num::{real, round_usize};
@@ -129,10 +129,11 @@ fn ours() {
             black_box(forward::run(&drive, &standing, &known, &start).unwrap());
         });
         time(5, n, 1, &mut || {
-            black_box(smooth(black_box(&passed)));
+            black_box(smooth::run(&drive, &standing, &known, &start).unwrap());
         });
     }
-    let [dense, swept, theirs, stops, forwards, back] = times.map(|mut t| median(&mut t));
+    let [dense, swept, theirs, stops, forwards, both] = times.map(|mut t| median(&mut t));
+    let back = both - forwards;
     println!("town drive, {n} epochs of ours, {steps} of the published filter");
     for (name, t, floor) in [
         ("floor forward", dense, dense),
@@ -141,7 +142,7 @@ fn ours() {
         ("ours, stop detector", stops, dense),
         ("ours, forward", forwards, dense),
         ("ours, sweep (RTS)", back, swept),
-        ("ours, all three", stops + forwards + back, dense + swept),
+        ("ours, all three", stops + both, dense + swept),
     ] {
         println!(
             "{name:24} {:9.4} us an epoch {:8.3} million a second, {:.2} of its floor, {:.2} of the published filter",

@@ -13,10 +13,10 @@ use reconstruct::frame::wrapped;
 use reconstruct::gnss::experiments::{Experiment, Outcome, drive, run};
 use reconstruct::gnss::forward::{self, Start};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
+use reconstruct::gnss::smooth;
 use reconstruct::gnss::stands;
 use reconstruct::gnss::stop::{self, Detector};
-use reconstruct::gnss::trial::ours;
+use reconstruct::gnss::trial::ours_smoothed;
 use reconstruct::simulate::city::{self, BoxSheet, IMU_HZ};
 use reconstruct::validate::workers;
 use schema::num::real;
@@ -179,9 +179,9 @@ fn bounds_are_honest_with_a_fix_each_second() {
             let city = city::drive(*seed, 200.0, &sheet).unwrap();
             let whole = drive(&city, &sheet).unwrap();
             let known = Sheet::default().heard(&whole, &detector.detect(&whole));
-            let passed = ours(&whole, &known, None).unwrap();
+            let (passed, later) = ours_smoothed(&whole, &known, None).unwrap();
             let mut out = [[0.0; 4]; 2];
-            for (list, sum) in [&passed.estimates, &smooth(&passed)]
+            for (list, sum) in [&passed.estimates, &later]
                 .into_iter()
                 .zip(&mut out)
             {
@@ -232,9 +232,9 @@ fn a_stand_that_creeps_at_its_ends_does_no_harm() {
             let creeps: Vec<bool> = city.truth.iter().map(|t| t.v_n.xy().norm() < 0.6).collect();
             let known = Sheet::default().heard(&whole, &found);
             let start = Start::at_first_course(&whole, &creeps).unwrap();
-            let passed = forward::run(&whole, &creeps, &known, &start).unwrap();
+            let (passed, later) = smooth::run(&whole, &creeps, &known, &start).unwrap();
             let (mut sum, mut n) = (0.0, 0.0);
-            for (e, truth) in smooth(&passed)
+            for (e, truth) in later
                 .iter()
                 .zip(&city.truth[passed.first..])
                 .skip(500)
@@ -274,7 +274,7 @@ fn stands_are_found() {
                 let whole = drive(&city, &sheet).unwrap().thinned(every);
                 let found = detector.detect(&whole);
                 let known = Sheet::default().heard(&whole, &found);
-                let track = smooth(&ours(&whole, &known, None).unwrap());
+                let track = ours_smoothed(&whole, &known, None).unwrap().1;
                 let later = stands::afterwards(&whole, &found, &track);
                 let published = stop::published(&whole);
                 for k in (IMU_HZ..city.truth.len()).step_by(IMU_HZ) {

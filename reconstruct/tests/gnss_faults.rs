@@ -17,9 +17,8 @@ use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::experiments::drive;
 use reconstruct::gnss::forward::{self, FixUse, Start};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stop::Detector;
-use reconstruct::gnss::trial::{ours, standing};
+use reconstruct::gnss::trial::{ours_smoothed, standing};
 use reconstruct::simulate::city::{self, BoxSheet, IMU_HZ};
 use reconstruct::validate::workers;
 use schema::num::{real, real_u64};
@@ -105,8 +104,8 @@ fn one(seed: u64, fault: Fault) -> ([[f64; 2]; 2], FixUse) {
     let mut whole = drive(&city, &sheet).unwrap();
     fault.put(&mut whole, seed);
     let known = Sheet::default().heard(&whole, &Detector::default().detect(&whole));
-    let passed = ours(&whole, &known, None).unwrap();
-    let tracks = [passed.estimates.clone(), smooth(&passed)];
+    let (passed, later) = ours_smoothed(&whole, &known, None).unwrap();
+    let tracks = [passed.estimates, later];
     let of = tracks.map(|track| {
         let (mut off, mut inside, mut n) = (0.0, 0.0, 0.0);
         for (e, truth) in track

@@ -12,9 +12,8 @@ use reconstruct::gnss::drive::{Drive, Stamped};
 use reconstruct::gnss::experiments::drive;
 use reconstruct::gnss::forward::{Estimate, Start};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stop::{self, Detector};
-use reconstruct::gnss::trial::{ours, standing};
+use reconstruct::gnss::trial::{ours_smoothed, standing};
 use reconstruct::simulate::city::{self, BoxSheet, CityDrive, IMU_HZ};
 use reconstruct::validate::workers;
 use schema::num::real;
@@ -62,11 +61,8 @@ impl Seen {
 fn reckoned(city: &CityDrive, sheet: &BoxSheet, every: f64) -> [Seen; 2] {
     let part = drive(city, sheet).unwrap().thinned(every);
     let known = Sheet::default().heard(&part, &Detector::default().detect(&part));
-    let passed = ours(&part, &known, None).unwrap();
-    [
-        Seen::of(&passed.estimates, city),
-        Seen::of(&smooth(&passed), city),
-    ]
+    let (passed, later) = ours_smoothed(&part, &known, None).unwrap();
+    [Seen::of(&passed.estimates, city), Seen::of(&later, city)]
 }
 
 /// With a fix each 30 s 7 of 100 such drives were lost before, by 100 m to 300 km. Where the bias of the gyros is not known and
@@ -142,8 +138,8 @@ fn a_hole_in_the_samples_is_no_stand() {
             assert_eq!(wrong, 0, "seed {seed}");
         }
         let known = Sheet::default().heard(&part, &found);
-        let passed = ours(&part, &known, None).unwrap();
-        seen = seen.and(&Seen::of(&smooth(&passed), &city));
+        let later = ours_smoothed(&part, &known, None).unwrap().1;
+        seen = seen.and(&Seen::of(&later, &city));
     }
     println!(
         "{holes} holes of 3 s, a fix each 30 s: inside {:.3}, largest {:.1} m",

@@ -18,10 +18,9 @@ use reconstruct::gnss::read::{Tolerance, read_fixes, read_motions};
 use reconstruct::gnss::reference::Reference;
 use reconstruct::gnss::rows::{Fix, Head, Leg, Motion};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stands::{Found, afterwards, count};
 use reconstruct::gnss::stop::Detector;
-use reconstruct::gnss::trial::ours;
+use reconstruct::gnss::trial::ours_smoothed;
 use reconstruct::gnss::write::{write_fixes, write_motions};
 use reconstruct::wgs84::Geodetic;
 use schema::num;
@@ -183,7 +182,7 @@ fn real_drives_through_the_formats() {
             let part = drive(every);
             let found = Detector::default().detect(&part);
             let known = sheet.clone().heard(&part, &found);
-            let track = smooth(&ours(&part, &known, None).unwrap());
+            let track = ours_smoothed(&part, &known, None).unwrap().1;
             let flags = afterwards(&part, &found, &track);
             let found = Found {
                 name: "ours",

@@ -10,10 +10,9 @@ use nalgebra::Vector3;
 use reconstruct::gnss::drive::{Drive, Fixed, Stamped};
 use reconstruct::gnss::published::{self, GnssFix, ImuSample, Initial, Input, Options};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::smooth::smooth;
 use reconstruct::gnss::stands;
 use reconstruct::gnss::stop::{self, Detector};
-use reconstruct::gnss::trial::ours as reckoned;
+use reconstruct::gnss::trial::{ours as reckoned, ours_smoothed};
 use reconstruct::wgs84::Geodetic;
 use schema::num;
 use support::{log, recordings};
@@ -232,7 +231,7 @@ fn errors_at_the_end_of_outages() {
             let drive = real.drive().thinned(every);
             let found = detector.detect(&drive);
             let known = Sheet::default().heard(&drive, &found);
-            let track = smooth(&reckoned(&drive, &known, None).unwrap());
+            let track = ours_smoothed(&drive, &known, None).unwrap().1;
             let ours = stands::afterwards(&drive, &found, &track);
             let published = stop::published(&drive);
             let (mut counts, mut seconds) = ([[0; 2]; 2], 0);
@@ -295,8 +294,8 @@ fn soft_stands_leave_the_bounds_honest() {
             let part = whole.thinned(every);
             let found = Detector::default().detect(&part);
             let sheet = Sheet::default().heard(&part, &found);
-            let passed = reckoned(&part, &sheet, None).unwrap();
-            let tracks = [passed.estimates.clone(), smooth(&passed)];
+            let (passed, later) = ours_smoothed(&part, &sheet, None).unwrap();
+            let tracks = [passed.estimates, later];
             for (track, mean) in tracks.iter().zip(&mut means[row]) {
                 let off: Vec<(f64, bool)> = track
                     .iter()

@@ -6,7 +6,7 @@ use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tab
 use reconstruct::gnss::read::Read;
 use reconstruct::gnss::rows::{Fix, Motion, Row};
 use reconstruct::gnss::sheet::Sheet;
-use reconstruct::gnss::{clocks, logs, plausible};
+use reconstruct::gnss::{clocks, logs};
 use reconstruct::report::svg;
 
 use crate::cli::gnss::failed;
@@ -170,8 +170,8 @@ fn examined(args: &Args, own: &[Fix], samples: &[(u64, Motion)]) -> Option<Vec<S
     let latency_s = args.choice.latency;
     let fixed = logs::fixes(&fixes, latency_s, &Sheet::default());
     let axes = args.choice.axes.into();
-    let drive = logs::drive(&motions, &axes, fixed, Vec::new()).ok()?;
-    let mut said = plausible::look(&drive, &motions).notes();
+    let drives = logs::drives(&motions, &axes, &fixed).ok()?;
+    let mut said = gnss_logs::examined(&drives, &motions).notes();
     said.extend(clocks::delay_note(&fixes, &motions, latency_s));
     Some(said)
 }

@@ -116,9 +116,11 @@ impl Logs {
         self.together.extend(notes);
     }
 
-    /// Looks whether the logs can be what they are taken for, and notes what speaks against it. The drive has all its fixes.
-    pub(crate) fn examine(&mut self, drive: &Drive, latency_s: f64) -> plausible::Found {
-        let found = plausible::look(drive, &self.motions);
+    /// Looks whether the logs can be what they are taken for, and notes what speaks against it. The drives have all their
+    /// fixes; axes and units are looked at in the longest.
+    pub(crate) fn examine(&mut self, drives: &[Drive], latency_s: f64) -> plausible::Found {
+        let found = examined(drives, &self.motions);
+        let drive = &Drive::joined(drives);
         let mut notes = found.notes();
         notes.extend(clocks::delay_note(&self.fixes, &self.motions, latency_s));
         notes.extend(clocks::reference_note(drive, &self.reference));
@@ -141,6 +143,17 @@ impl Logs {
             .chain(self.together.iter().cloned())
             .collect()
     }
+}
+
+/// The longest of the drives of some rows beside its rows: can they be what they are taken for?
+pub(crate) fn examined(drives: &[Drive], motions: &[Motion]) -> plausible::Found {
+    let length = |d: &&Drive| d.span().map_or(0.0, |[from, to]| to - from);
+    let longest = drives.iter().max_by(|a, b| length(a).total_cmp(&length(b)));
+    let drive = longest.cloned().unwrap_or_default();
+    let [from, to] = drive.span().unwrap_or_default();
+    let within = |m: &&Motion| m.head.obu_s > from - 1e-6 && m.head.obu_s < to + 1e-6;
+    let rows: Vec<Motion> = motions.iter().filter(within).copied().collect();
+    plausible::look(&drive, &rows)
 }
 
 /// Names of the files, for a page.

@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
     let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
     logs::startable(&whole).map_err(|e| failed(&e))?;
-    let plausible = logs.examine(&whole, args.logs.choice.latency);
+    let plausible = logs.examine(std::slice::from_ref(&whole), args.logs.choice.latency);
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
     let input = logs::published(&logs.motions, &axes, &logs.fixes);

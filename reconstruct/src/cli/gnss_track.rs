@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::forward::{Estimate, Fate};
-use reconstruct::gnss::pictures::Shot;
+use reconstruct::gnss::pictures::{HOLE_S, Shot};
 use reconstruct::gnss::reference::Second;
 use schema::num::real;
 use serde_json::{Value, json};
@@ -78,9 +78,15 @@ pub(crate) fn fates(track: &[Estimate], shots: &[Shot]) -> Value {
     let none = |s: &Shot| s.fate.is_none();
     let before = count(&|s| none(s) && s.fix.t_s < begin);
     let after = count(&|s| none(s) && s.fix.t_s > end);
+    let beside = |s: &Shot| {
+        let at = track.partition_point(|e| e.t_s < s.fix.t_s);
+        let pair = at.checked_sub(1).and_then(|i| track.get(i..=at));
+        pair.is_some_and(|pair| pair[1].t_s - pair[0].t_s > HOLE_S)
+    };
+    let holes = count(&|s| none(s) && beside(s));
     json!({
         "log": shots.len(), "before_track": before, "after_track": after,
-        "withheld": count(&none) - before - after,
+        "in_holes": holes, "withheld": count(&none) - before - after - holes,
         "offered": used + refused + forced, "used": used, "refused": refused, "forced": forced,
     })
 }
@@ -107,7 +113,7 @@ pub(crate) fn standing_s(track: &[Estimate]) -> f64 {
     milli(
         track
             .windows(2)
-            .filter(|w| w[1].standing)
+            .filter(|w| w[1].standing && w[1].t_s - w[0].t_s < HOLE_S)
             .map(|w| w[1].t_s - w[0].t_s)
             .sum(),
     )

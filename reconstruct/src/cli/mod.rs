@@ -17,6 +17,7 @@ mod gnss_analyse;
 mod gnss_logs;
 mod gnss_outages;
 mod gnss_receiver;
+mod gnss_reckon;
 mod gnss_run;
 mod gnss_told;
 mod gnss_track;

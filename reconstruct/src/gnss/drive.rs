@@ -79,7 +79,7 @@ pub struct Headed {
 /// A drive.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Drive {
-    /// Periods without a hole, in order: each ends where the next begins.
+    /// Periods without a hole, in order: each ends where the next begins. Of [`Drive::joined`] alone they have holes.
     pub periods: Vec<Period>,
     /// Fixes in order of time.
     pub fixes: Vec<Fixed>,
@@ -90,7 +90,7 @@ pub struct Drive {
 }
 
 /// Longest hole bridged by holding the last sample, s: after that the drive ends, and what follows is another one.
-const LONGEST_HOLE_S: f64 = 5.0;
+pub const LONGEST_HOLE_S: f64 = 5.0;
 
 /// What the sensors put out at one stamp, the car's axes: stamp in s, specific force in m/s^2, rate in rad/s.
 pub type Stamped = (f64, Vector3<f64>, Vector3<f64>);
@@ -164,6 +164,26 @@ impl Drive {
             speeds,
             headings: Vec::new(),
         })
+    }
+
+    /// Drives that follow one another as one, for pictures and counts: no filter can go over its holes.
+    #[must_use]
+    pub fn joined(drives: &[Self]) -> Self {
+        let mut out = Self::default();
+        for drive in drives {
+            out.periods.extend_from_slice(&drive.periods);
+            out.fixes.extend_from_slice(&drive.fixes);
+            out.speeds.extend_from_slice(&drive.speeds);
+            out.headings.extend_from_slice(&drive.headings);
+        }
+        out
+    }
+
+    /// Begin of the first period and end of the last, s; `None` without periods.
+    #[must_use]
+    pub fn span(&self) -> Option<[f64; 2]> {
+        let (first, last) = (self.periods.first()?, self.periods.last()?);
+        Some([first.t_s - first.dt, last.t_s])
     }
 
     /// The same with every fix dropped but one each `seconds` from the first on; see [`thinned`].

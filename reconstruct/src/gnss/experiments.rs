@@ -13,9 +13,8 @@ use super::forward::{self, Estimate, Start};
 use super::published::{self, GnssFix, ImuSample, Initial, Input, Variant};
 use super::reference::{Reference, Second, compare};
 use super::sheet::Sheet;
-use super::smooth::smooth;
 use super::stop::Detector;
-use super::trial::{Trial, ours, standing};
+use super::trial::{Trial, ours, ours_smoothed, standing};
 use crate::simulate::city::{self, BoxSheet, CityDrive, EARLIER_S, IMU_HZ};
 
 /// Length of a drive, s.
@@ -287,7 +286,7 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         heading: city.truth[first].angles[2],
         sd: HEADING_SD,
     }];
-    let passed = ours(&told, known, Some(bias))?;
+    let (passed, later) = ours_smoothed(&told, known, Some(bias))?;
     let running = window.seconds(&passed.estimates);
     let alone = window.seconds(&alone.estimates);
     let holds = |list: &[Second]| list.iter().filter(|s| s.inside).count();
@@ -297,7 +296,7 @@ fn one(window: &Window<'_>, whole: &Drive, known: &Sheet) -> Result<Outcome, Exp
         cold_m: most(&window.seconds(&cold.estimates)),
         ours_m: most(&running),
         alone_m: most(&alone),
-        smoothed_m: most(&window.seconds(&smooth(&passed))),
+        smoothed_m: most(&window.seconds(&later)),
         inside: [running.len(), holds(&running), holds(&alone)],
     })
 }

@@ -18,7 +18,7 @@ use crate::frame::{Rot, Vec3};
 use crate::mechanize::{Earth, Nav9, forward};
 use crate::refined::measure::{self, Scalar};
 use crate::refined::running::Running;
-use crate::refined::states::{BG, Nominal, PARAMS, PLACE, Row, SLIP, SLIP_GRADIENT};
+use crate::refined::states::{BG, Cov, Nominal, PARAMS, PLACE, Row, SLIP, SLIP_GRADIENT};
 use crate::refined::tape::{Step, Tape};
 use crate::refined::transition::{Density, SHARED, Transition};
 use crate::wgs84::Geodetic;
@@ -58,21 +58,37 @@ const STAND_SPEED: f64 = 1.0;
 pub struct Passed {
     /// First period of the pass.
     pub first: usize,
-    /// The linear problem, for the smoother.
-    pub tape: Tape,
-    /// Anchor of each step's axes.
-    pub anchors: Vec<Geodetic>,
     /// The filter's own answer, one entry a period from `first` on.
     pub estimates: Vec<Estimate>,
     /// Fixes.
     pub fixes: FixUse,
     /// What became of each fix of the pass: the instant it was true, s, in order of time.
     pub fates: Vec<(f64, Fate)>,
-    /// Mounting roll, one sigma, rad.
-    pub mounting_roll: f64,
 }
 
-struct Runner<'a> {
+/// Some periods of a pass as a linear problem, for the smoother.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    pub(super) tape: Tape,
+    /// Anchor of each step's axes.
+    pub(super) anchors: Vec<Geodetic>,
+}
+
+impl Stretch {
+    pub(super) fn empty() -> Self {
+        let tape = Tape {
+            prior: Cov::zeros(),
+            steps: Vec::new(),
+            linear: Vec::new(),
+        };
+        let anchors = Vec::new();
+        Self { tape, anchors }
+    }
+}
+
+/// A pass between two periods.
+#[derive(Clone)]
+pub(super) struct Runner<'a> {
     drive: &'a Drive,
     standing: &'a [bool],
     sheet: &'a Sheet,
@@ -87,6 +103,9 @@ struct Runner<'a> {
     stood_s: f64,
     use_of: FixUse,
     fates: Vec<(f64, Fate)>,
+    /// First period of the pass, and of what is told beside the periods that which comes next: fix, speed, heading.
+    first: usize,
+    next: [usize; 3],
     /// What a turn of everything about the vertical since the last fix is, as the pass carried it: see [`Runner::bind`].
     turned: Row,
 }
@@ -101,96 +120,28 @@ pub fn run(
     sheet: &Sheet,
     start: &Start,
 ) -> Result<Passed, ReckonError> {
-    if start.first >= drive.periods.len() || standing.len() != drive.periods.len() {
-        return Err(ReckonError::Drive {
-            what: format!(
-                "start: expected a period below {}, found {}",
-                drive.periods.len().min(standing.len()),
-                start.first
-            ),
-        });
-    }
-    let mut runner = Runner::new(drive, standing, sheet, start);
-    let prior = runner.run.p;
-    let count = drive.periods.len() - start.first;
-    let (mut steps, mut anchors, mut estimates) = (
-        Vec::with_capacity(count),
-        Vec::with_capacity(count),
-        Vec::with_capacity(count),
-    );
-    let t_start = drive.periods[start.first].t_s;
-    // The start is that of a fix, whose stamp may miss the period's by rounding.
-    let mut next_fix = drive.fixes.partition_point(|f| f.t_s <= t_start + 1e-6);
-    let mut next_speed = drive.speeds.partition_point(|s| s.t_s <= t_start);
-    let mut next_heading = drive.headings.partition_point(|h| h.t_s <= t_start);
-    let list = drive.periods.iter().zip(standing).enumerate();
-    for (k, (period, still)) in list.skip(start.first) {
-        let stands = *still && (k == start.first || runner.may_stand());
-        let transition = (k > start.first).then(|| runner.step(k, stands));
-        let from = runner.run.linear.len();
-        let before = runner.use_of.used + runner.use_of.forced;
-        while let Some(fix) = drive.fixes.get(next_fix).filter(|f| f.t_s <= period.t_s) {
-            runner.fix(fix, period.t_s);
-            next_fix += 1;
-        }
-        while let Some(speed) = drive.speeds.get(next_speed).filter(|s| s.t_s <= period.t_s) {
-            runner.speed(k, speed.speed, speed.sd);
-            next_speed += 1;
-        }
-        while let Some(headed) = drive
-            .headings
-            .get(next_heading)
-            .filter(|h| h.t_s <= period.t_s)
-        {
-            runner.heading(headed, k);
-            next_heading += 1;
-        }
-        runner.constrain(k, stands);
-        if let Some(found) = runner.run.failed {
-            return Err(ReckonError::Numeric {
-                t_s: period.t_s,
-                what: format!("innovation variance: expected a positive number, found {found}"),
-            });
-        }
-        let fixed = runner.use_of.used + runner.use_of.forced > before;
-        estimates.push(estimate(
-            period.t_s,
-            &runner.anchor,
-            &runner.run.nominal,
-            &runner.run.p.fixed_view::<STATES, STATES>(0, 0).into_owned(),
-            [0, 1, 2].map(|i| runner.run.p[(BG + i, BG + i)]),
-            sheet.mounting[0],
-        ));
-        if let Some(last) = estimates.last_mut() {
-            last.standing = stands;
-            last.fixed = fixed;
-        }
-        steps.push(Step {
-            k,
-            transition,
-            measurements: from..runner.run.linear.len(),
-            nominal: runner.run.nominal,
-            p: runner.run.p,
-        });
-        anchors.push(runner.anchor);
-    }
-    Ok(Passed {
-        first: start.first,
-        tape: Tape {
-            prior,
-            steps,
-            linear: runner.run.linear,
-        },
-        anchors,
-        estimates,
-        fixes: runner.use_of,
-        fates: runner.fates,
-        mounting_roll: sheet.mounting[0],
-    })
+    let mut runner = Runner::new(drive, standing, sheet, start)?;
+    let list = start.first..drive.periods.len();
+    let estimates = list.map(|k| runner.epoch(k, None)).collect::<Result<_, _>>()?;
+    Ok(runner.passed(estimates))
 }
 
 impl<'a> Runner<'a> {
-    fn new(drive: &'a Drive, standing: &'a [bool], sheet: &'a Sheet, start: &Start) -> Self {
+    pub(super) fn new(
+        drive: &'a Drive,
+        standing: &'a [bool],
+        sheet: &'a Sheet,
+        start: &Start,
+    ) -> Result<Self, ReckonError> {
+        if start.first >= drive.periods.len() || standing.len() != drive.periods.len() {
+            return Err(ReckonError::Drive {
+                what: format!(
+                    "start: expected a period below {}, found {}",
+                    drive.periods.len().min(standing.len()),
+                    start.first
+                ),
+            });
+        }
         let [roll, pitch, heading] = start.angles;
         let mut cal = nalgebra::SVector::<f64, PARAMS>::zeros();
         cal[SLIP_GRADIENT - STATES] = sheet.tuning.slip_gradient[0];
@@ -205,7 +156,8 @@ impl<'a> Runner<'a> {
             },
             cal,
         };
-        Self {
+        let t_start = drive.periods[start.first].t_s;
+        Ok(Self {
             drive,
             standing,
             sheet,
@@ -220,8 +172,85 @@ impl<'a> Runner<'a> {
             stood_s: 0.0,
             use_of: FixUse::default(),
             fates: Vec::new(),
+            first: start.first,
+            next: [
+                // The start is that of a fix, whose stamp may miss the period's by rounding.
+                drive.fixes.partition_point(|f| f.t_s <= t_start + 1e-6),
+                drive.speeds.partition_point(|s| s.t_s <= t_start),
+                drive.headings.partition_point(|h| h.t_s <= t_start),
+            ],
             turned: turn_of(&nominal),
+        })
+    }
+
+    /// Ends the pass.
+    pub(super) fn passed(self, estimates: Vec<Estimate>) -> Passed {
+        Passed {
+            first: self.first,
+            estimates,
+            fixes: self.use_of,
+            fates: self.fates,
         }
+    }
+
+    /// Period `k`: those before have been taken. What it is to the smoother is added to `taken`.
+    ///
+    /// # Errors
+    /// [`ReckonError::Numeric`] where the arithmetic fails.
+    pub(super) fn epoch(
+        &mut self,
+        k: usize,
+        taken: Option<&mut Stretch>,
+    ) -> Result<Estimate, ReckonError> {
+        let drive = self.drive;
+        let period = &drive.periods[k];
+        let stands = self.standing[k] && (k == self.first || self.may_stand());
+        let transition = (k > self.first).then(|| self.step(k, stands));
+        let before = self.use_of.used + self.use_of.forced;
+        let due = |t_s: f64| t_s <= period.t_s;
+        while let Some(fix) = drive.fixes.get(self.next[0]).filter(|f| due(f.t_s)) {
+            self.fix(fix, period.t_s);
+            self.next[0] += 1;
+        }
+        while let Some(speed) = drive.speeds.get(self.next[1]).filter(|s| due(s.t_s)) {
+            self.speed(k, speed.speed, speed.sd);
+            self.next[1] += 1;
+        }
+        while let Some(headed) = drive.headings.get(self.next[2]).filter(|h| due(h.t_s)) {
+            self.heading(headed, k);
+            self.next[2] += 1;
+        }
+        self.constrain(k, stands);
+        if let Some(found) = self.run.failed {
+            return Err(ReckonError::Numeric {
+                t_s: period.t_s,
+                what: format!("innovation variance: expected a positive number, found {found}"),
+            });
+        }
+        let mut told = estimate(
+            period.t_s,
+            &self.anchor,
+            &self.run.nominal,
+            &self.run.p.fixed_view::<STATES, STATES>(0, 0).into_owned(),
+            [0, 1, 2].map(|i| self.run.p[(BG + i, BG + i)]),
+            self.sheet.mounting[0],
+        );
+        told.standing = stands;
+        told.fixed = self.use_of.used + self.use_of.forced > before;
+        if let Some(taken) = taken {
+            let from = taken.tape.linear.len();
+            taken.tape.linear.append(&mut self.run.linear);
+            taken.tape.steps.push(Step {
+                k,
+                transition,
+                measurements: from..taken.tape.linear.len(),
+                nominal: self.run.nominal,
+                p: self.run.p,
+            });
+            taken.anchors.push(self.anchor);
+        }
+        self.run.linear.clear();
+        Ok(told)
     }
 
     /// The row of something that a car obeys, which tells nothing of where north is.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::drive::{Drive, Fixed, ReckonError, Speed, Stamped};
+use super::drive::{Drive, Fixed, LONGEST_HOLE_S, ReckonError, Speed, Stamped};
 use super::forward::Estimate;
 use super::published::matrices::BIAS;
 use super::published::sensor::{Orientation, to_body};
@@ -124,6 +124,49 @@ pub fn drive(
     Drive::new(&samples, fixes, speeds)
 }
 
+/// The same where the samples have holes that no drive bridges ([`LONGEST_HOLE_S`]): the drives between them, in order. A fix
+/// within a hole goes with the drive behind it; a single sample between two holes is of no drive.
+///
+/// # Errors
+/// [`ReckonError::Drive`]: fewer than two samples without a hole between them, or stamps that do not rise.
+pub fn drives(
+    motions: &[Motion],
+    axes: &Axes,
+    fixes: &[Fixed],
+) -> Result<Vec<Drive>, ReckonError> {
+    let samples: Vec<Stamped> = without_repeats(motions)
+        .iter()
+        .map(|row| axes.turned(row))
+        .collect();
+    let mut out: Vec<Drive> = Vec::new();
+    for list in samples.chunk_by(|a, b| b.0 - a.0 <= LONGEST_HOLE_S) {
+        if list.len() > 1 {
+            out.push(Drive::new(list, Vec::new(), Vec::new())?);
+        }
+    }
+    let Some(last) = out.len().checked_sub(1) else {
+        return Err(ReckonError::Drive {
+            what: format!(
+                "expected two inertial samples at most {LONGEST_HOLE_S} s apart, found none among {}",
+                samples.len()
+            ),
+        });
+    };
+    let mut rest = fixes;
+    for (i, drive) in out.iter_mut().enumerate() {
+        let end = drive.span().map_or(f64::INFINITY, |s| s[1]);
+        let own = if i == last {
+            rest.len()
+        } else {
+            rest.partition_point(|f| f.t_s <= end)
+        };
+        let (mine, later) = rest.split_at(own);
+        drive.fixes = mine.to_vec();
+        rest = later;
+    }
+    Ok(out)
+}
+
 /// Least speed of a fix that either filter starts from, m/s [S00, 3.6].
 const START_SPEED: f64 = 3.0;
 
@@ -136,11 +179,7 @@ pub fn startable(drive: &Drive) -> Result<(), ReckonError> {
     let (Some(a), Some(b)) = (drive.fixes.first(), drive.fixes.last()) else {
         return fail("expected fixes that the receiver does not call bad, found none".to_owned());
     };
-    let begin = drive
-        .periods
-        .first()
-        .map_or(f64::INFINITY, |p| p.t_s - p.dt);
-    let end = drive.periods.last().map_or(f64::NEG_INFINITY, |p| p.t_s);
+    let [begin, end] = drive.span().unwrap_or([f64::INFINITY, f64::NEG_INFINITY]);
     let within: Vec<&Fixed> = drive
         .fixes
         .iter()

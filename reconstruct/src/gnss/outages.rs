@@ -11,8 +11,7 @@ use super::published::constants::{GATE, GYRO_BIAS};
 use super::published::{GnssFix, Initial, Input, Variant};
 use super::reference::{Reference, Second, before, compare};
 use super::sheet::Sheet;
-use super::smooth::smooth;
-use super::trial::{Trial, ours, standing};
+use super::trial::{Trial, ours_smoothed, standing};
 
 /// Least length of a window with fixes, and length of one without, s [S00, 3.7 and 3.8].
 const LENGTHS_S: [f64; 2] = [30.0, 120.0];
@@ -251,9 +250,9 @@ fn row(
     }
     let (mut running, mut smoothed) = (None, None);
     if wanted[1] {
-        let passed = ours(&trial.withheld(m.whole), m.known, None)?;
+        let (passed, later) = ours_smoothed(&trial.withheld(m.whole), m.known, None)?;
         running = Some(Curve::of(&[&passed.estimates], &trial, &outages, m));
-        smoothed = Some(Curve::of(&[&smooth(&passed)], &trial, &outages, m));
+        smoothed = Some(Curve::of(&[&later], &trial, &outages, m));
     }
     Ok(Row {
         experiment,

@@ -15,6 +15,7 @@ use super::published::{
     self, GnssFix, Initial, Input, Options, PublishedError, SpeedAid, SpeedUse, Variant,
 };
 use super::sheet::Sheet;
+use super::smooth;
 use super::stop::{Detector, ENTRY_S, EXIT_S};
 
 /// Slack of a comparison of stamps, s.
@@ -195,10 +196,31 @@ pub fn ours(
     known: &Sheet,
     bias: Option<(Vector3<f64>, f64)>,
 ) -> Result<Passed, ReckonError> {
+    let (standing, start) = begin(drive, bias)?;
+    forward::run(drive, &standing, known, &start)
+}
+
+/// The same, and each instant of it from all data ([`smooth::run`]).
+///
+/// # Errors
+/// Those of [`ours`].
+pub fn ours_smoothed(
+    drive: &Drive,
+    known: &Sheet,
+    bias: Option<(Vector3<f64>, f64)>,
+) -> Result<(Passed, Vec<Estimate>), ReckonError> {
+    let (standing, start) = begin(drive, bias)?;
+    smooth::run(drive, &standing, known, &start)
+}
+
+fn begin(
+    drive: &Drive,
+    bias: Option<(Vector3<f64>, f64)>,
+) -> Result<(Vec<bool>, Start), ReckonError> {
     let standing = standing(drive);
     let mut start = Start::at_first_course(drive, &standing)?;
     start.rate_bias = start.rate_bias.or(bias);
-    forward::run(drive, &standing, known, &start)
+    Ok((standing, start))
 }
 
 #[cfg(test)]

@@ -104,6 +104,21 @@ pub struct FixUse {
     pub speeds_forced: u64,
 }
 
+impl FixUse {
+    /// Of two passes together.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            offered: self.offered + other.offered,
+            used: self.used + other.used,
+            refused: self.refused + other.refused,
+            forced: self.forced + other.forced,
+            speeds_refused: self.speeds_refused + other.speeds_refused,
+            speeds_forced: self.speeds_forced + other.speeds_forced,
+        }
+    }
+}
+
 /// The state in geodetic terms; `rate_bias`, (rad/s)^2, are the variances of the gyro biases; `mounting_roll`, rad, is added
 /// to what is unsure of the car's roll.
 pub(in crate::gnss) fn estimate(

@@ -49,11 +49,7 @@ impl Start {
                 drive.fixes.len()
             ),
         };
-        let begin = drive
-            .periods
-            .first()
-            .map_or(f64::INFINITY, |p| p.t_s - p.dt);
-        let end = drive.periods.last().map_or(f64::NEG_INFINITY, |p| p.t_s);
+        let [begin, end] = drive.span().unwrap_or([f64::INFINITY, f64::NEG_INFINITY]);
         let moving = |i: &usize| {
             drive.fixes.get(*i).is_some_and(|f| {
                 let within = f.t_s >= begin && f.t_s <= end + 1e-6;

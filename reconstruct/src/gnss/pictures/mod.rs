@@ -57,23 +57,28 @@ pub struct Shown<'a> {
 /// The longest time from one used fix to the next that is no outage, s.
 pub const NO_OUTAGE_S: f64 = 2.5;
 
+/// Two estimates farther apart in time, s, are on either side of a hole: no line goes over it.
+pub const HOLE_S: f64 = 1.0;
+
 /// Spans of the track without a used fix for more than 2.5 s, s.
 #[must_use]
 pub fn outages(track: &[Estimate], shots: &[Shot]) -> Vec<[f64; 2]> {
-    let (Some(first), Some(last)) = (track.first(), track.last()) else {
-        return Vec::new();
-    };
-    let used = shots
+    let used: Vec<f64> = shots
         .iter()
         .filter(|s| matches!(s.fate, Some(Fate::Used | Fate::Forced)))
-        .map(|s| s.fix.t_s);
+        .map(|s| s.fix.t_s)
+        .collect();
     let mut out = Vec::new();
-    let mut from = first.t_s;
-    for t in used.chain([last.t_s]) {
-        if t - from > NO_OUTAGE_S {
-            out.push([from, t]);
+    for drive in track.chunk_by(|a, b| b.t_s - a.t_s < HOLE_S) {
+        let [first, last] = [drive[0].t_s, drive[drive.len() - 1].t_s];
+        let mut from = first;
+        let within = used.iter().filter(|t| **t > first && **t < last);
+        for t in within.copied().chain([last]) {
+            if t - from > NO_OUTAGE_S {
+                out.push([from, t]);
+            }
+            from = t;
         }
-        from = from.max(t);
     }
     out
 }

@@ -1,7 +1,7 @@
 //! Quantities of a drive over time: deviation, speed and heading, the stop detector, gyro biases.
 
 use super::stage::{Key, Stage, dots, line, range, reduced, strokes, value};
-use super::{OURS, OUTAGE, RECEIVER, Shown, TRUTH};
+use super::{HOLE_S, OURS, OUTAGE, RECEIVER, Shown, TRUTH};
 use crate::error_model::{ATT, VEL};
 use crate::gnss::forward::{Estimate, Fate};
 use crate::gnss::published::constants::GATE;
@@ -36,13 +36,15 @@ fn used(shown: &Shown<'_>) -> impl Iterator<Item = f64> {
 }
 
 fn quantity(track: &[Estimate], of: impl Fn(&Estimate) -> (f64, f64)) -> Points {
-    track
-        .iter()
-        .map(|e| {
-            let (v, variance) = of(e);
-            (e.t_s, Some(v), TWO_SIDED * variance.max(0.0).sqrt())
-        })
-        .collect()
+    let mut out: Points = Vec::with_capacity(track.len());
+    for e in track {
+        let (v, variance) = of(e);
+        if out.last().is_some_and(|l| e.t_s - l.0 > HOLE_S) {
+            out.push((e.t_s, None, 0.0));
+        }
+        out.push((e.t_s, Some(v), TWO_SIDED * variance.max(0.0).sqrt()));
+    }
+    out
 }
 
 fn ours(points: Points) -> Series {
@@ -116,13 +118,13 @@ fn near(angle: f64, middle: f64) -> f64 {
 fn headings(track: &[Estimate], courses: &[[f64; 2]]) -> (Points, [f64; 2], f64) {
     let all = |middle: f64| -> Points {
         let mut out: Points = Vec::with_capacity(track.len());
-        let mut last: Option<f64> = None;
+        let mut last: Option<[f64; 2]> = None;
         for e in track {
             let v = near(e.angles[2].to_degrees(), middle);
-            if last.is_some_and(|l| (v - l).abs() > 180.0) {
+            if last.is_some_and(|[t_s, l]| (v - l).abs() > 180.0 || e.t_s - t_s > HOLE_S) {
                 out.push((e.t_s, None, 0.0));
             }
-            last = Some(v);
+            last = Some([e.t_s, v]);
             let half = TWO_SIDED * e.p[(ATT + 2, ATT + 2)].max(0.0).sqrt().to_degrees();
             out.push((e.t_s, Some(v), half.min(180.0)));
         }
@@ -140,7 +142,7 @@ fn headings(track: &[Estimate], courses: &[[f64; 2]]) -> (Points, [f64; 2], f64)
         .chain(courses.iter().map(course))
         .collect();
     let [low, high] = range(&both);
-    if high - low < 180.0 && points.iter().all(|p| p.1.is_some()) {
+    if high - low < 180.0 {
         let room = (0.5 * (10.0 - (high - low))).max(0.0);
         return (points, [low - room, high + room], middle);
     }
@@ -243,7 +245,14 @@ pub fn stops(shown: &Shown<'_>) -> String {
     let list = stop::variances(drive, 51.0 * dt);
     let of = |f: &dyn Fn(&[nalgebra::Vector3<f64>; 2]) -> f64| -> Points {
         let all = drive.periods.iter().zip(&list).skip(50);
-        all.map(|(p, v)| (p.t_s, log(f(v)), 0.0)).collect()
+        let mut out: Points = Vec::with_capacity(list.len());
+        for (p, v) in all {
+            if out.last().is_some_and(|l| p.t_s - l.0 > HOLE_S) {
+                out.push((p.t_s, None, 0.0));
+            }
+            out.push((p.t_s, log(f(v)), 0.0));
+        }
+        out
     };
     let level_sum = of(&|v| v[0].x + v[0].y);
     let rates = of(&|v| v[1].sum());

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::stage::{Key, WIDTH, legend};
-use super::{OURS, RECEIVER, Shown, TRUTH, plan_parts as parts};
+use super::{HOLE_S, OURS, RECEIVER, Shown, TRUTH, plan_parts as parts};
 use crate::export::ellipse::{Covariance, Ellipse};
 use crate::gnss::forward::{Estimate, Fate};
 use crate::report::axis::Scale;
@@ -312,7 +312,7 @@ fn instants<'e>(shown: &Shown<'_>, track: &[&'e Estimate], near: bool) -> Vec<&'
     } else {
         let mut way = vec![0.0];
         for pair in track.windows(2) {
-            let step = (pair[1].t_s - pair[0].t_s) * pair[0].v_n.xy().norm();
+            let step = (pair[1].t_s - pair[0].t_s).min(HOLE_S) * pair[0].v_n.xy().norm();
             way.push(way[way.len() - 1] + step);
         }
         let all = way[way.len() - 1];
@@ -343,12 +343,16 @@ fn lines(svg: &mut Svg, frame: &Frame, shown: &Shown<'_>, track: &[&Estimate]) {
     };
     let style =
         |color| format!("stroke=\"{color}\" stroke-width=\"2.2\" stroke-linejoin=\"round\"");
-    let line: Vec<[f64; 2]> = track.iter().map(|e| frame.at(&e.place)).collect();
-    svg.polyline(&thinned(&line), &style(OURS[0]));
-    for run in track.chunk_by(|a, b| blind(a.t_s) == blind(b.t_s)) {
-        if blind(run[0].t_s) {
-            let line: Vec<[f64; 2]> = run.iter().map(|e| frame.at(&e.place)).collect();
-            svg.polyline(&thinned(&line), &style(BLIND));
+    let mut draw = |run: &[&Estimate], color| {
+        let line: Vec<[f64; 2]> = run.iter().map(|e| frame.at(&e.place)).collect();
+        svg.polyline(&thinned(&line), &style(color));
+    };
+    for drive in track.chunk_by(|a, b| b.t_s - a.t_s < HOLE_S) {
+        draw(drive, OURS[0]);
+        for run in drive.chunk_by(|a, b| blind(a.t_s) == blind(b.t_s)) {
+            if blind(run[0].t_s) {
+                draw(run, BLIND);
+            }
         }
     }
 }

@@ -370,7 +370,10 @@ pub(super) fn reduced(
         };
         out.push((pair[0].0, Some(pair[0].1), half));
         if pair[1].0 > pair[0].0 {
-            if most.1 - least.1 > jump {
+            let broken = part
+                .iter()
+                .any(|p| p.1.is_none() && p.0 > pair[0].0 && p.0 <= pair[1].0);
+            if broken || most.1 - least.1 > jump {
                 out.push((pair[1].0, None, 0.0));
             }
             out.push((pair[1].0, Some(pair[1].1), half));
