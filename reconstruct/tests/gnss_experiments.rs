@@ -181,10 +181,7 @@ fn bounds_are_honest_with_a_fix_each_second() {
             let known = Sheet::default().heard(&whole, &detector.detect(&whole));
             let (passed, later) = ours_smoothed(&whole, &known, None).unwrap();
             let mut out = [[0.0; 4]; 2];
-            for (list, sum) in [&passed.estimates, &later]
-                .into_iter()
-                .zip(&mut out)
-            {
+            for (list, sum) in [&passed.estimates, &later].into_iter().zip(&mut out) {
                 for (e, truth) in list.iter().zip(&city.truth[passed.first..]).skip(500) {
                     if e.standing {
                         continue;
@@ -234,11 +231,7 @@ fn a_stand_that_creeps_at_its_ends_does_no_harm() {
             let start = Start::at_first_course(&whole, &creeps).unwrap();
             let (passed, later) = smooth::run(&whole, &creeps, &known, &start).unwrap();
             let (mut sum, mut n) = (0.0, 0.0);
-            for (e, truth) in later
-                .iter()
-                .zip(&city.truth[passed.first..])
-                .skip(500)
-            {
+            for (e, truth) in later.iter().zip(&city.truth[passed.first..]).skip(500) {
                 let d = truth.place.to(&e.place).xy();
                 sum += (d.transpose() * e.horizontal().try_inverse().unwrap() * d)[0] / 2.0;
                 n += 1.0;

@@ -101,7 +101,10 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let mut notes = Vec::new();
     let as_fixes = |path: &Path| gnss_logs::fixes(path, tolerance).map(|log| log.read);
     let fixes = load(args.fixes.as_ref(), as_fixes, &mut notes)?;
-    let reference = load(args.reference.as_ref(), as_fixes, &mut notes)?;
+    let mut reference = load(args.reference.as_ref(), as_fixes, &mut notes)?;
+    if let (Some(read), Some(path)) = (&mut reference, &args.reference) {
+        args.choice.cut(&mut read.rows, |f| f.head.obu_s, path)?;
+    }
     let as_motions = |path: &Path| gnss_logs::motions(path, tolerance).map(|log| log.read);
     let motions = load(args.motions.as_ref(), as_motions, &mut notes)?;
     let own = chosen_fixes(args, fixes.as_ref())?;
@@ -187,6 +190,9 @@ fn chosen_fixes(args: &Args, fixes: Option<&Read<Fix>>) -> Result<Vec<Fix>, CliE
     if args.reference.is_none() && c.equipment.is_some_and(|e| e != analyse::REFERENCE) {
         own.extend(read.select(Some(analyse::REFERENCE), c.drive, c.leg));
     }
+    if let Some(path) = &args.fixes {
+        c.cut(&mut own, |f| f.head.obu_s - c.latency, path)?;
+    }
     Ok(own)
 }
 
@@ -199,8 +205,11 @@ fn chosen_motions(
         return Ok(Vec::new());
     };
     let c = &args.choice;
-    let samples = read.numbered(c.equipment, c.drive, c.leg);
+    let mut samples = read.numbered(c.equipment, c.drive, c.leg);
     some(read, samples.len(), args.motions.as_ref())?;
+    if let Some(path) = &args.motions {
+        c.cut(&mut samples, |s| s.1.head.obu_s, path)?;
+    }
     let first = samples.first().map(|s| s.1.head.leg.equipment);
     if samples
         .iter()

@@ -32,6 +32,12 @@ pub(crate) struct Choice {
     /// Leg to take
     #[arg(long, value_name = "ID")]
     pub(crate) leg: Option<u32>,
+    /// Leave out what is before, seconds of the box's clock
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    pub(crate) from: Option<f64>,
+    /// Leave out what is after, seconds of the box's clock
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    pub(crate) to: Option<f64>,
     /// Axes of the inertial sensors
     #[arg(long, value_enum, default_value = "tag")]
     pub(crate) axes: SensorAxes,
@@ -42,7 +48,51 @@ pub(crate) struct Choice {
 
 impl Choice {
     pub(crate) fn check(&self) -> Result<(), CliError> {
+        let [from, to] = self.span();
+        if !(from < to) {
+            return Err(failed(&format!(
+                "--from, --to: expected seconds, the second after the first, found {from} and {to}"
+            )));
+        }
         seconds("--latency", self.latency)
+    }
+
+    /// What is taken, s of the box's clock.
+    fn span(&self) -> [f64; 2] {
+        [
+            self.from.unwrap_or(f64::NEG_INFINITY),
+            self.to.unwrap_or(f64::INFINITY),
+        ]
+    }
+
+    /// Leaves out the rows before and after, whose stamps are so late, s.
+    ///
+    /// # Errors
+    /// If rows were there and none is left.
+    pub(crate) fn cut<T>(
+        &self,
+        rows: &mut Vec<T>,
+        stamp_s: impl Fn(&T) -> f64,
+        path: &Path,
+    ) -> Result<(), CliError> {
+        let [from, to] = self.span();
+        let [mut first, mut last] = [f64::INFINITY, f64::NEG_INFINITY];
+        for t in rows.iter().map(&stamp_s) {
+            (first, last) = (first.min(t), last.max(t));
+        }
+        rows.retain(|row| (from..=to).contains(&stamp_s(row)));
+        if rows.is_empty() && first <= last {
+            let end = |bound: Option<f64>, open: &str| {
+                bound.map_or_else(|| open.to_owned(), |s| format!("{s} s"))
+            };
+            return Err(failed(&format!(
+                "{}: expected rows from {} to {} (--from, --to), found rows from {first:.3} to {last:.3} s",
+                path.display(),
+                end(self.from, "the begin"),
+                end(self.to, "the end")
+            )));
+        }
+        Ok(())
     }
 
     fn takes(&self, l: Leg) -> bool {
@@ -272,10 +322,13 @@ pub(crate) fn read(args: &LogArgs) -> Result<Logs, CliError> {
         Vec::new(),
     ];
     let ids = (choice.equipment, choice.drive, choice.leg);
-    let chosen_fixes = all_fixes.read.select(ids.0, ids.1, ids.2);
-    let chosen = all_motions.read.select(ids.0, ids.1, ids.2);
+    let mut chosen_fixes = all_fixes.read.select(ids.0, ids.1, ids.2);
+    let mut chosen = all_motions.read.select(ids.0, ids.1, ids.2);
     one_leg(&all_fixes.read, chosen_fixes.len(), choice, &args.fixes)?;
     one_leg(&all_motions.read, chosen.len(), choice, &args.motions)?;
+    let true_at = |f: &Fix| f.head.obu_s - choice.latency;
+    choice.cut(&mut chosen_fixes, true_at, &args.fixes)?;
+    choice.cut(&mut chosen, |m| m.head.obu_s, &args.motions)?;
     let leg = chosen_fixes.first().map(|f| f.head.leg);
     let moved = chosen.first().map(|m| m.head.leg);
     let mut taken = vec![

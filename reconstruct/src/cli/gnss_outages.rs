@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use reconstruct::gnss::drive::{Drive, LONGEST_HOLE_S};
 use reconstruct::gnss::experiments::Experiment;
 use reconstruct::gnss::logs;
 use reconstruct::gnss::outages::{Material, study};
@@ -80,6 +81,25 @@ impl Args {
     }
 }
 
+/// Windows are laid over one drive: of several between holes one has to be chosen.
+fn one(drives: &[Drive]) -> Result<Drive, CliError> {
+    if let [drive] = drives {
+        return Ok(drive.clone());
+    }
+    let mut spans: Vec<[f64; 2]> = drives.iter().filter_map(Drive::span).collect();
+    spans.sort_by(|a, b| (b[1] - b[0]).total_cmp(&(a[1] - a[0])));
+    let named: Vec<String> = spans
+        .iter()
+        .take(3)
+        .map(|[from, to]| format!("{from:.2} to {to:.2} s"))
+        .collect();
+    Err(failed(&format!(
+        "expected one drive without a hole of more than {LONGEST_HOLE_S} s in its inertial samples, found {}, the longest {}: choose one with --from and --to",
+        drives.len(),
+        named.join(", ")
+    )))
+}
+
 pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     if let Some(wrong) = args.lengths.iter().find(|n| !(2..=600).contains(*n)) {
         return Err(failed(&format!(
@@ -95,7 +115,8 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let mut logs = gnss_logs::read(&args.logs)?;
     let axes = args.logs.choice.axes.into();
     let fixed = logs::fixes(&logs.fixes, args.logs.choice.latency, &sheet);
-    let whole = logs::drive(&logs.motions, &axes, fixed, Vec::new()).map_err(|e| failed(&e))?;
+    let drives = logs::drives(&logs.motions, &axes, &fixed).map_err(|e| failed(&e))?;
+    let whole = one(&drives)?;
     logs::startable(&whole).map_err(|e| failed(&e))?;
     let plausible = logs.examine(std::slice::from_ref(&whole), args.logs.choice.latency);
     let found = Detector::default().detect(&whole);

@@ -106,7 +106,10 @@ fn part(
 
 /// A hole that no drive goes over, in words.
 fn hole(from: f64, to: f64) -> String {
-    format!("no inertial sample for {:.1} s from {from:.2} s on", to - from)
+    format!(
+        "no inertial sample for {:.1} s from {from:.2} s on",
+        to - from
+    )
 }
 
 /// Ours: each drive for itself.

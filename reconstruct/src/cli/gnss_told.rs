@@ -53,6 +53,16 @@ impl Told {
             ("drive", "Drive chosen", json!(c.drive)),
             ("leg", "Leg chosen", json!(c.leg)),
             (
+                "from_s",
+                "What is before is left out, s of the box's clock",
+                json!(c.from),
+            ),
+            (
+                "to_s",
+                "What is after is left out, s of the box's clock",
+                json!(c.to),
+            ),
+            (
                 "skip_broken",
                 "Lines that cannot be read are skipped",
                 json!(args.skips_broken()),
@@ -115,7 +125,8 @@ impl Told {
                 format!("{}: {} rows{ids}; SHA-256 {}", t.file, t.rows, t.sha256),
             ]);
         }
-        let words = |value: &Value| match value {
+        let words = |key: &str, value: &Value| match value {
+            Value::Null if key.ends_with("_s") => "no".to_owned(),
             Value::Null => "any: the log has one".to_owned(),
             Value::Bool(true) => "yes".to_owned(),
             Value::Bool(false) => "no".to_owned(),
@@ -129,7 +140,7 @@ impl Told {
         out.extend(
             self.options
                 .iter()
-                .map(|(_, what, value)| [(*what).to_owned(), words(value)]),
+                .map(|(key, what, value)| [(*what).to_owned(), words(key, value)]),
         );
         out
     }

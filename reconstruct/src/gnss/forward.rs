@@ -122,7 +122,9 @@ pub fn run(
 ) -> Result<Passed, ReckonError> {
     let mut runner = Runner::new(drive, standing, sheet, start)?;
     let list = start.first..drive.periods.len();
-    let estimates = list.map(|k| runner.epoch(k, None)).collect::<Result<_, _>>()?;
+    let estimates = list
+        .map(|k| runner.epoch(k, None))
+        .collect::<Result<_, _>>()?;
     Ok(runner.passed(estimates))
 }
 

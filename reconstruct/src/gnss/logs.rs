@@ -129,11 +129,7 @@ pub fn drive(
 ///
 /// # Errors
 /// [`ReckonError::Drive`]: fewer than two samples without a hole between them, or stamps that do not rise.
-pub fn drives(
-    motions: &[Motion],
-    axes: &Axes,
-    fixes: &[Fixed],
-) -> Result<Vec<Drive>, ReckonError> {
+pub fn drives(motions: &[Motion], axes: &Axes, fixes: &[Fixed]) -> Result<Vec<Drive>, ReckonError> {
     let samples: Vec<Stamped> = without_repeats(motions)
         .iter()
         .map(|row| axes.turned(row))

@@ -23,7 +23,7 @@ pub(super) const STEPS_PER_BIN: usize = 20;
 /// Seconds driven before the log so that every lag and spring has settled.
 const WARM_UP: f64 = 4.0;
 /// Longest simulation, s.
-const LONGEST: f64 = 240.0;
+const LONGEST: f64 = 300.0;
 /// Time over which tyres take over after an impact, s.
 const TAKE_OVER: f64 = 0.08;
 /// Time over which the ground stops turning with the car after an impact, s.
