@@ -165,8 +165,9 @@ fn what_is_wrong_is_said() {
     let long = [&lines[..1000], &lines[1400..]].concat().join("\n") + "\n";
     std::fs::write(&hole, long).unwrap();
     let (code, said) = run(&fixes, &hole, &[]);
+    // Longer than is bridged: reckoned on either side, see `gnss_holes.rs`.
     assert!(
-        code == Some(1) && said.contains("no inertial sample for"),
+        code == Some(3) && said.contains("no inertial sample for"),
         "{code:?} {said}"
     );
 }

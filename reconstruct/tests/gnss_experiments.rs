@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use reconstruct::frame::wrapped;
 use reconstruct::gnss::experiments::{Experiment, Outcome, drive, run};
-use reconstruct::gnss::forward::{self, Start};
+use reconstruct::gnss::forward::Start;
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::smooth;
 use reconstruct::gnss::stands;

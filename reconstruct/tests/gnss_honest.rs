@@ -171,6 +171,20 @@ fn logs_that_cannot_be_right_are_noted() {
         "{}",
         ran.said
     );
+    let part = changed(&reference, "part.txt", |i| i < 80, |_, _| None);
+    let more = ["--reference", text(&part), "--exact-speed"];
+    let ran = run(&fixes, &motions, &more);
+    noted(
+        &ran,
+        "expected a speed of the reference each second, found none from",
+    );
+    let analyse = |reference: &Path| {
+        let mut args = vec!["gnss", "analyse", "--fixes", text(&fixes)];
+        args.extend(["--motions", text(&motions), "--reference", text(reference)]);
+        reconstruct(&args)
+    };
+    assert!(stderr(&analyse(&late)).contains("later: another clock"));
+    assert!(!stderr(&analyse(&reference)).contains("another clock"));
     // The motions of another drive; a reference that holds two.
     let other = changed(&motions, "other.txt", |_| true, column(1, |_| 9.0));
     let whole = std::fs::read_to_string(&other)

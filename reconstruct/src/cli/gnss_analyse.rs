@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tables};
+use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::read::Read;
+use reconstruct::gnss::reference::Reference;
 use reconstruct::gnss::rows::{Fix, Motion, Row};
 use reconstruct::gnss::sheet::Sheet;
 use reconstruct::gnss::{clocks, logs};
@@ -109,13 +111,13 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let motions = load(args.motions.as_ref(), as_motions, &mut notes)?;
     let own = chosen_fixes(args, fixes.as_ref())?;
     let samples = chosen_motions(args, motions.as_ref())?;
-    if let Some(said) = examined(args, &own, &samples) {
+    let reference_rows = reference.map_or_else(Vec::new, |r| r.rows);
+    if let Some(said) = examined(args, &own, &samples, &reference_rows) {
         for note in &said {
             complain("note", note);
         }
         notes.extend(said);
     }
-    let reference_rows = reference.map_or_else(Vec::new, |r| r.rows);
     let logs = Logs {
         fixes: &own,
         motions: &samples,
@@ -163,7 +165,12 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
 }
 
 /// What speaks against the logs of a box being what they are taken for; `None` unless both are there, of one leg each.
-fn examined(args: &Args, own: &[Fix], samples: &[(u64, Motion)]) -> Option<Vec<String>> {
+fn examined(
+    args: &Args,
+    own: &[Fix],
+    samples: &[(u64, Motion)],
+    reference: &[Fix],
+) -> Option<Vec<String>> {
     let motions: Vec<Motion> = samples.iter().map(|s| s.1).collect();
     let leg = motions.first()?.head.leg;
     let fixes: Vec<Fix> = own.iter().filter(|f| f.head.leg == leg).copied().collect();
@@ -176,6 +183,16 @@ fn examined(args: &Args, own: &[Fix], samples: &[(u64, Motion)]) -> Option<Vec<S
     let drives = logs::drives(&motions, &axes, &fixed).ok()?;
     let mut said = gnss_logs::examined(&drives, &motions).notes();
     said.extend(clocks::delay_note(&fixes, &motions, latency_s));
+    let same = |f: &&Fix| (f.head.leg.drive, f.head.leg.leg) == (leg.drive, leg.leg);
+    let mut marks: Vec<Fix> = reference.iter().chain(own).filter(same).copied().collect();
+    let of_reference = |f: &Fix| f.head.leg.equipment == analyse::REFERENCE;
+    if reference.is_empty() || marks.iter().any(of_reference) {
+        marks.retain(of_reference);
+    } else {
+        marks.retain(|f| f.head.leg.equipment != leg.equipment);
+    }
+    let drive = Drive::joined(&drives);
+    said.extend(clocks::reference_note(&drive, &Reference::of_rows(&marks)));
     Some(said)
 }
 

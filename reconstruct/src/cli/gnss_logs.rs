@@ -49,7 +49,7 @@ pub(crate) struct Choice {
 impl Choice {
     pub(crate) fn check(&self) -> Result<(), CliError> {
         let [from, to] = self.span();
-        if !(from < to) {
+        if from.is_nan() || to.is_nan() || from >= to {
             return Err(failed(&format!(
                 "--from, --to: expected seconds, the second after the first, found {from} and {to}"
             )));

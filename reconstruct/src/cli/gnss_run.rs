@@ -64,6 +64,9 @@ struct Results {
     json: bool,
 }
 
+/// Longest time without a speed that is fed in that needs no word, s.
+const UNFED_S: f64 = 2.5;
+
 /// Why a track begins where it does.
 const BEGINS: [&str; 2] = [
     "where the first fix with a course that those after it bear out tells the heading",
@@ -80,6 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let drives = logs::drives(&logs.motions, &axes, &fixed).map_err(|e| failed(&e))?;
     let drive = Drive::joined(&drives);
     let speeds = fed_speeds(args, &logs, &drive)?;
+    logs.note(unfed(args, &speeds, &drives).into_iter().collect());
     let plausible = logs.examine(&drives, latency_s);
     let mut reckoned = match args.filter {
         Filter::Refined => gnss_reckon::refined(args, &sheet, &drives, &speeds)?,
@@ -203,6 +207,28 @@ fn fed_speeds(args: &Args, logs: &Logs, drive: &Drive) -> Result<Vec<Speed>, Cli
         )));
     }
     Ok(speeds)
+}
+
+/// What to say where the speeds that are fed in leave time of the drives without one.
+fn unfed(args: &Args, speeds: &[Speed], drives: &[Drive]) -> Option<String> {
+    let longest = drives
+        .iter()
+        .filter_map(|drive| {
+            let [from, to] = drive.span()?;
+            let within = speeds.iter().map(|s| s.t_s);
+            let within = within.filter(|t| *t > from && *t < to);
+            let mut ends = vec![from];
+            ends.extend(within.chain([to]));
+            let gaps = ends.windows(2).map(|w| [w[0], w[1]]);
+            gaps.max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
+        })
+        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
+        .filter(|[from, to]| args.exact_speed && to - from > UNFED_S);
+    longest.map(|[from, to]| {
+        format!(
+            "--exact-speed: expected a speed of the reference each second, found none from {from:.2} to {to:.2} s"
+        )
+    })
 }
 
 fn summary(

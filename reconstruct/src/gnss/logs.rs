@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::drive::{Drive, Fixed, LONGEST_HOLE_S, ReckonError, Speed, Stamped};
 use super::forward::Estimate;
-use super::published::matrices::BIAS;
+use super::published::matrices::{ATT, BIAS, POS, VEL};
 use super::published::sensor::{Orientation, to_body};
 use super::published::{GnssFix, ImuSample, Input, Step, Used};
 use super::read::without_repeats;
@@ -235,7 +235,8 @@ pub fn published(motions: &[Motion], axes: &Axes, rows: &[Fix]) -> Input {
     }
 }
 
-/// Steps of the published filter as estimates, at the instants they tell of, s; variances are those of its own axes.
+/// Steps of the published filter as estimates, at the instants they tell of, s. Its axes of place and velocity are those of the
+/// Earth and know nothing of one another (3.3), so its variances turn with them; those of its angles are its own.
 #[must_use]
 pub fn track(steps: &[Step], latency_s: f64) -> Vec<Estimate> {
     let of = |step: &Step| {
@@ -246,7 +247,12 @@ pub fn track(steps: &[Step], latency_s: f64) -> Vec<Estimate> {
         };
         let to_local = place.c_en().transpose();
         let mut p = nalgebra::SMatrix::<f64, 9, 9>::zeros();
-        for i in 0..9 {
+        for axes in [POS, VEL] {
+            let own = step.variances.fixed_rows::<3>(axes).into_owned();
+            let turned = to_local * nalgebra::Matrix3::from_diagonal(&own) * to_local.transpose();
+            p.fixed_view_mut::<3, 3>(axes, axes).copy_from(&turned);
+        }
+        for i in ATT..ATT + 3 {
             p[(i, i)] = step.variances[i];
         }
         let angles = step.angles();

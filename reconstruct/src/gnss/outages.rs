@@ -7,6 +7,7 @@ use schema::num::real;
 use super::drive::{Drive, Speed};
 use super::experiments::{Experiment, ExperimentError};
 use super::forward::{Estimate, Start};
+use super::plausible;
 use super::published::constants::{GATE, GYRO_BIAS};
 use super::published::{GnssFix, Initial, Input, Variant};
 use super::reference::{Reference, Second, before, compare};
@@ -251,6 +252,12 @@ fn row(
     let (mut running, mut smoothed) = (None, None);
     if wanted[1] {
         let (passed, later) = ours_smoothed(&trial.withheld(m.whole), m.known, None)?;
+        let refused = plausible::refused(&passed.fixes);
+        notes.extend(
+            refused
+                .iter()
+                .map(|n| format!("{}: {n}", experiment.name())),
+        );
         running = Some(Curve::of(&[&passed.estimates], &trial, &outages, m));
         smoothed = Some(Curve::of(&[&later], &trial, &outages, m));
     }

@@ -109,8 +109,9 @@ mod tests {
 
     #[test]
     fn in_stretches_it_is_the_same_to_the_last_bit() {
-        let city = city::drive(3, 60.0, &BoxSheet::default()).unwrap();
-        let whole = drive(&city).unwrap();
+        let sheet = BoxSheet::default();
+        let city = city::drive(3, 60.0, &sheet).unwrap();
+        let whole = drive(&city, &sheet).unwrap();
         let still = standing(&whole);
         let start = Start::at_first_course(&whole, &still).unwrap();
         let run = |held| by_stretches(&whole, &still, &Sheet::default(), &start, held).unwrap();
