@@ -381,7 +381,7 @@ fn what_cannot_be_simulated_is_refused() {
 fn five_files_are_written() {
     let folder = std::env::temp_dir().join(format!("simulate-{}", std::process::id()));
     let simulated = with(|_| ());
-    let paths = simulated.write(&folder).unwrap();
+    let paths = simulated.write(&folder, None).unwrap();
     let names: Vec<_> = paths
         .iter()
         .map(|p| p.file_name().unwrap().to_str().unwrap().to_owned())
@@ -397,7 +397,7 @@ fn five_files_are_written() {
     let file = std::env::temp_dir().join(format!("simulate-file-{}", std::process::id()));
     std::fs::write(&file, "").unwrap();
     assert!(matches!(
-        simulated.write(&file).unwrap_err(),
+        simulated.write(&file, None).unwrap_err(),
         SimulateError::Write { .. }
     ));
     std::fs::remove_file(&file).unwrap();

@@ -3,102 +3,92 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use std::cell::RefCell;
-use std::fmt::Write;
 use std::io::Cursor;
 
 use reconstruct::export::geodesy::TangentPlane;
+use reconstruct::findings::RestPose;
 use reconstruct::map::place;
 use reconstruct::run::{Options, reconstruct};
 use reconstruct::simulate::Class;
 use reconstruct::simulate::fixes::{Receiver, receive};
+use reconstruct::simulate::nmea::log;
 use recorder::config::Settings;
-use recorder::nmea::checksum;
 use recorder::replay::{LogInput, ReplayOptions, replay};
 use schema::Record;
-use schema::gnss::{Fix, GnssSource};
-use schema::num::{real_i64, round_i64};
-use schema::time::Stamp;
-use support::crash::{self, Crash};
+use schema::gnss::GnssSource;
+use support::crash;
 use support::pipeline;
 
 const SECOND: i64 = 1_000_000_000;
 const TABLE: &str = "[gnss]\ndevice = \"/dev/none\"\nlatency_ms = 150\nlatency_sd_ms = 30\n\
      antenna_position_m = [1.6, 0.0, -1.4]\n\n[ring]";
 
-/// Degrees and minutes, and the hemisphere.
-fn angle(rad: f64, digits: usize, letters: [&str; 2]) -> String {
-    let degrees = rad.abs().to_degrees();
-    let whole = round_i64(degrees.floor());
-    let minutes = (degrees - real_i64(whole)) * 60.0;
-    format!(
-        "{whole:0digits$}{minutes:010.7},{}",
-        letters[usize::from(rad < 0.0)]
-    )
-}
-
-/// RMC, GGA and GST of a fix.
-fn sentences(fix: &Fix) -> Vec<String> {
-    let utc = fix.utc_ns.unwrap();
-    let stamp = Stamp::from_utc_ns(utc);
-    let time = format!(
-        "{:02}{:02}{:02}.{:03}",
-        stamp.hour,
-        stamp.minute,
-        stamp.second,
-        utc.rem_euclid(SECOND) / 1_000_000
-    );
-    let date = format!("{:02}{:02}{:02}", stamp.day, stamp.month, stamp.year % 100);
-    let Some([latitude, longitude]) = fix.position else {
-        return vec![
-            format!("GPRMC,{time},V,,,,,,,{date},,,N"),
-            format!("GPGGA,{time},,,,,0,00,,,M,,M,,"),
-        ];
-    };
-    let place = format!(
-        "{},{}",
-        angle(latitude, 2, ["N", "S"]),
-        angle(longitude, 3, ["E", "W"])
-    );
-    let knots = fix.speed_mps.unwrap() * 3600.0 / 1852.0;
-    let course = fix.course.unwrap().to_degrees();
-    let sd = fix.horizontal_m2.unwrap()[0].sqrt();
-    vec![
-        format!("GPRMC,{time},A,{place},{knots:.3},{course:.2},{date},,,A"),
-        format!("GPGGA,{time},{place},1,09,0.9,150.0,M,40.0,M,,"),
-        format!("GPGST,{time},1.0,,,,{sd:.2},{sd:.2},5.0"),
-    ]
-}
-
-/// Sentences as a log on the clock of the frames.
-fn log(fixes: &[Fix], start_unix_s: i64) -> String {
-    let mut out = String::new();
-    for fix in fixes {
-        let at = fix.monotonic_ns + start_unix_s * SECOND;
-        for body in sentences(fix) {
-            let sum = checksum(body.as_bytes());
-            let (seconds, rest) = (at.div_euclid(SECOND), at.rem_euclid(SECOND) / 1000);
-            writeln!(out, "({seconds}.{rest:06}) ${body}*{sum:02X}").unwrap();
-        }
-    }
-    out
-}
-
-fn seal(crash: &Crash, settings: &Settings, nmea: &str) -> Record {
+/// The first record of a log and of the sentences beside it.
+fn seal(settings: &Settings, log: Vec<LogInput>, nmea: LogInput) -> Record {
     let records = RefCell::new(Vec::new());
     let options = ReplayOptions {
-        nmea: Some(LogInput::Reader(
-            "receiver".to_owned(),
-            Box::new(Cursor::new(nmea.to_owned())),
-        )),
+        nmea: Some(nmea),
         sink: Some(Box::new(|record| {
             records.borrow_mut().push(record.to_bytes().unwrap());
             Ok(())
         })),
         ..ReplayOptions::default()
     };
-    replay(settings, pipeline::input(crash.text()), options).unwrap();
+    replay(settings, log, options).unwrap();
     let bytes = records.into_inner().remove(0);
     Record::read(&bytes).unwrap().0
+}
+
+/// Fixes used and offered, how far from the true place of rest the record is laid, m, and the square of that in units of its
+/// covariance.
+fn rests(record: &Record, rest: [f64; 2]) -> ([usize; 2], f64, f64) {
+    let options = Options {
+        alone: true,
+        ..Options::default()
+    };
+    let mut r = reconstruct(record, &options).unwrap();
+    place::lay(&mut r);
+    let gnss = r.gnss.as_ref().unwrap();
+    let pose = gnss.pose.as_ref().unwrap();
+    let [latitude_deg, longitude_deg] = rest;
+    let truth = RestPose {
+        latitude_deg,
+        longitude_deg,
+        heading_deg: 0.0,
+        sd_m: 0.0,
+        sd_deg: 0.0,
+    };
+    let [north, east] =
+        TangentPlane::at(&truth).north_east(pose.rest.latitude_deg, pose.rest.longitude_deg);
+    let c = &pose.covariance;
+    let chi = (c[(1, 1)] * north * north - 2.0 * c[(0, 1)] * north * east
+        + c[(0, 0)] * east * east)
+        / (c[(0, 0)] * c[(1, 1)] - c[(0, 1)].powi(2));
+    ([gnss.used, gnss.offered], north.hypot(east), chi)
+}
+
+/// `reconstruct simulate --receiver`: log, configuration and sentences as files, the true place in the facts.
+#[test]
+fn the_files_of_a_simulated_receiver_lead_to_the_place_of_rest() {
+    let crash = crash::draw(Class::Frontal, 90_104);
+    let folder = std::env::temp_dir().join(format!("svartboks-receiver-{}", std::process::id()));
+    let receiver = Receiver {
+        clock_off_s: Some(0.0),
+        ..Receiver::default()
+    };
+    let paths = crash.simulated.write(&folder, Some(&receiver)).unwrap();
+    let [log, _, config, _, facts, nmea] = paths.as_slice() else {
+        panic!("expected six files, found {paths:?}");
+    };
+    let settings = Settings::load(config).unwrap();
+    let [log, nmea] = [log, nmea].map(|path| LogInput::File(path.clone()));
+    let record = seal(&settings, vec![log], nmea);
+    let facts: serde_json::Value = serde_json::from_slice(&std::fs::read(facts).unwrap()).unwrap();
+    let rest = ["latitude_deg", "longitude_deg"].map(|k| facts["receiver"]["rest"][k].as_f64());
+    let (used, off, chi) = rests(&record, rest.map(Option::unwrap));
+    println!("{used:?} fixes used and offered, {off:.1} m off, chi-square {chi:.1}");
+    assert!(used[0] > 30 && off < 9.0 && chi < 13.8);
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]
@@ -115,7 +105,9 @@ fn a_crash_with_a_receiver_comes_to_rest_where_it_did() {
             let start = crash.simulated.truth.facts.start_unix_s;
             let received = receive(&crash.simulated, &receiver, seed, 0, start * SECOND);
             let settings = crash::settings(&crash.simulated, &[("[ring]", TABLE)]);
-            let record = seal(&crash, &settings, &log(&received.gnss.fixes, start));
+            let text = log(&received.gnss.fixes, start * SECOND);
+            let nmea = LogInput::Reader("receiver".to_owned(), Box::new(Cursor::new(text)));
+            let record = seal(&settings, pipeline::input(crash.text()), nmea);
             let part = record.gnss.as_ref().unwrap();
             assert_eq!(part.sheet.source, GnssSource::Nmea);
             let placed = part.fixes.iter().filter(|f| f.position.is_some()).count();
@@ -123,31 +115,16 @@ fn a_crash_with_a_receiver_comes_to_rest_where_it_did() {
                 placed > 35 && part.sentences.len() >= 3 * placed,
                 "{placed}"
             );
-            let mut r = reconstruct(
-                &record,
-                &Options {
-                    alone: true,
-                    ..Options::default()
-                },
-            )
-            .unwrap();
-            place::lay(&mut r);
-            let gnss = r.gnss.as_ref().unwrap();
-            let pose = gnss.pose.as_ref().unwrap();
-            let [north, east] = TangentPlane::at(&received.pose)
-                .north_east(pose.rest.latitude_deg, pose.rest.longitude_deg);
-            let c = &pose.covariance;
-            let chi = (c[(1, 1)] * north * north - 2.0 * c[(0, 1)] * north * east
-                + c[(0, 0)] * east * east)
-                / (c[(0, 0)] * c[(1, 1)] - c[(0, 1)].powi(2));
+            let rest = [received.pose.latitude_deg, received.pose.longitude_deg];
+            let (gnss, off, chi) = rests(&record, rest);
             println!(
                 "{} {seed}: {} of {} fixes, {:.1} m off, chi-square {chi:.1}",
                 class.name(),
-                gnss.used,
-                gnss.offered,
-                north.hypot(east)
+                gnss[0],
+                gnss[1],
+                off
             );
-            assert!(north.hypot(east) < 9.0, "{north} {east}");
+            assert!(off < 9.0, "{off}");
             count += 1;
             inside += usize::from(chi < 5.991);
         }

@@ -1,8 +1,9 @@
-//! `reconstruct simulate`: a seeded crash as log, DBC, configuration and truth.
+//! `reconstruct simulate`: a seeded crash as log, DBC, configuration and truth, and what a satellite receiver says.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+use reconstruct::simulate::fixes::Receiver;
 use reconstruct::simulate::{Class, Grade, Scenario, SimulateError, Simulated, simulate};
 use serde_json::json;
 
@@ -24,6 +25,10 @@ pub(crate) struct Args {
     /// Rate of the IMU frames, Hz: 100, 125, 200, 250, 400, 500 or 1000
     #[arg(long, default_value_t = 100, value_name = "HZ")]
     imu_hz: usize,
+    /// Also a satellite receiver, a fix a second: NAME.nmea for `recorder replay --nmea`, its table `[gnss]` in the
+    /// configuration, the place of the truth in the facts
+    #[arg(long)]
+    receiver: bool,
     /// List the classes
     #[arg(long)]
     list: bool,
@@ -72,7 +77,11 @@ pub(crate) fn run(args: &Args) -> Result<u8, Error> {
     let mut scenario = Scenario::draw_graded(class, args.seed, grade);
     scenario.imu_hz = args.imu_hz;
     let simulated = simulate(&scenario)?;
-    let paths = simulated.write(&args.out)?;
+    let receiver = args.receiver.then(|| Receiver {
+        clock_off_s: Some(0.0),
+        ..Receiver::default()
+    });
+    let paths = simulated.write(&args.out, receiver.as_ref())?;
     if args.json {
         let files: Vec<String> = paths
             .iter()

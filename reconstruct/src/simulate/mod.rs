@@ -23,6 +23,7 @@ pub mod errors;
 mod files;
 pub mod fixes;
 mod motion;
+pub mod nmea;
 mod process;
 mod pulse;
 mod random;
