@@ -194,6 +194,24 @@ fn a_side_without_a_start_is_said_and_the_other_is_reckoned() {
     let ran = run(&fixes, &cut, &["--filter", "published"]);
     assert_eq!(ran.done.status.code(), Some(3), "{}", stderr(&ran.done));
     assert!(notes(&ran).contains("goes on as if that were no time"));
+    // Many of them: some by name and the count of the others; before a track there is none to end.
+    let many: Vec<[f64; 2]> = (0..14)
+        .map(|i| 1002.0 + 13.0 * f64::from(i))
+        .map(|t| [t, t + 6.0])
+        .collect();
+    let ran = run(&fixes, &without(&motions, &many), &[]);
+    let said = notes(&ran);
+    assert_eq!(ran.done.status.code(), Some(3), "{}", stderr(&ran.done));
+    assert_eq!(
+        said.matches("no inertial sample for 6.0 s").count(),
+        if said.contains("no track from 1000.00") {
+            11
+        } else {
+            12
+        },
+        "{said}"
+    );
+    assert!(said.contains(" more such holes"), "{said}");
 }
 
 #[test]

@@ -112,6 +112,19 @@ fn hole(from: f64, to: f64) -> String {
     )
 }
 
+/// Holes that are told one by one.
+const TOLD: usize = 12;
+
+/// The first of many notes on holes, and how many there are more.
+fn few(mut holes: Vec<String>) -> Vec<String> {
+    let more = holes.len().saturating_sub(TOLD);
+    if more > 0 {
+        holes.truncate(TOLD);
+        holes.push(format!("{more} more such holes"));
+    }
+    holes
+}
+
 /// Ours: each drive for itself.
 pub(crate) fn refined(
     args: &Args,
@@ -129,6 +142,7 @@ pub(crate) fn refined(
     let mut uses = FixUse::default();
     let mut failure: Option<(f64, CliError)> = None;
     let mut before: Option<f64> = None;
+    let mut holes = Vec::new();
     for drive in drives {
         let [from, to] = drive.span().unwrap_or_default();
         let hole = before.map(|end| hole(end, from));
@@ -144,9 +158,13 @@ pub(crate) fn refined(
         match part {
             Ok(part) => {
                 let begin = part.track.first().map_or(to, |e| e.t_s);
-                out.notes.extend(hole.map(|hole| {
-                    format!("{hole}: the track ends there and begins anew at {begin:.2} s")
-                }));
+                let what = if out.track.is_empty() {
+                    "the track begins behind it,"
+                } else {
+                    "the track ends there and begins anew"
+                };
+                let said = |hole: String| format!("{hole}: {what} at {begin:.2} s");
+                holes.extend(hole.map(said));
                 out.notes.extend(part.notes);
                 uses = uses.and(&part.uses);
                 out.track.extend(part.track);
@@ -154,8 +172,10 @@ pub(crate) fn refined(
             }
             Err(error) => {
                 let what = format!("no track from {from:.2} to {to:.2} s: {error}");
-                out.notes
-                    .push(hole.map_or(what.clone(), |hole| format!("{hole}; {what}")));
+                holes.push(match hole {
+                    Some(hole) => format!("{hole}; {what}"),
+                    None => what,
+                });
                 out.smoothed.push(Vec::new());
                 if failure.as_ref().is_none_or(|f| f.0 < to - from) {
                     failure = Some((to - from, error));
@@ -166,6 +186,7 @@ pub(crate) fn refined(
     if let (true, Some((_, error))) = (out.track.is_empty(), failure) {
         return Err(error);
     }
+    out.notes.splice(0..0, few(holes));
     out.fixes = gnss_track::fates(&out.track, &out.shots);
     out.fixes["speeds_refused"] = json!(uses.speeds_refused);
     out.fixes["speeds_forced"] = json!(uses.speeds_forced);
@@ -246,7 +267,7 @@ pub(crate) fn published(
         fixes: gnss_track::fates(&track, &shots),
         track,
         shots,
-        notes: notes.collect(),
+        notes: few(notes.collect()),
         smoothed: smoothed.collect(),
     })
 }
