@@ -141,7 +141,7 @@ fn ours() {
         ("published, whole", theirs, dense),
         ("ours, stop detector", stops, dense),
         ("ours, forward", forwards, dense),
-        ("ours, sweep (RTS)", back, swept),
+        ("ours, tape and sweep", back, swept),
         ("ours, all three", stops + both, dense + swept),
     ] {
         println!(
