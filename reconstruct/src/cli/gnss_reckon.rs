@@ -148,8 +148,8 @@ pub(crate) fn refined(
         let hole = before.map(|end| hole(end, from));
         before = Some(to);
         let mut given = drive.thinned(args.every);
-        given.speeds = speeds.to_vec();
-        given.speeds.retain(|s| s.t_s >= from && s.t_s <= to);
+        let within = speeds.iter().filter(|s| s.t_s >= from && s.t_s <= to);
+        given.speeds = within.copied().collect();
         let part = part(args, sheet, &given, out.track.last());
         out.shots.extend(drive.fixes.iter().map(|fix| Shot {
             fix: *fix,
