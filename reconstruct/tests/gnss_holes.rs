@@ -14,7 +14,7 @@ use reconstruct::stats::ellipse_radius;
 use reconstruct::wgs84::Geodetic;
 use schema::num::real;
 use serde_json::Value;
-use support::{folder, reconstruct, stderr};
+use support::{folder, gnss_logs, reconstruct, stderr};
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -22,19 +22,7 @@ fn text(path: &Path) -> &str {
 
 /// Fixes, motions and reference of a simulated drive of 200 s from 1000 s on, the car's axes.
 fn logs(dir: &Path, seed: u64) -> [PathBuf; 3] {
-    let seed = seed.to_string();
-    let made = reconstruct(&[
-        "gnss",
-        "simulate",
-        "--axes",
-        "car",
-        "--seed",
-        &seed,
-        "--out",
-        text(dir),
-    ]);
-    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
-    ["fixes", "motions", "reference"].map(|n| dir.join(format!("{n}-{seed}.txt")))
+    gnss_logs(dir, &seed.to_string(), &["--axes", "car"])
 }
 
 /// The log without the rows whose stamp lies in one of the spans.

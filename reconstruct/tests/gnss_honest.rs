@@ -6,17 +6,10 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use support::{folder, reconstruct, stderr, stdout};
+use support::{folder, gnss_logs, reconstruct, stderr, stdout};
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
-}
-
-/// Fixes, motions and reference of a simulated drive.
-fn logs(dir: &Path, seed: &str) -> [PathBuf; 3] {
-    let made = reconstruct(&["gnss", "simulate", "--seed", seed, "--out", text(dir)]);
-    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
-    ["fixes", "motions", "reference"].map(|n| dir.join(format!("{n}-{seed}.txt")))
 }
 
 /// The same log with a cell of each line changed (columns from 0), and the lines that `keep` takes (from 0, the header first).
@@ -72,7 +65,7 @@ fn run(fixes: &Path, motions: &Path, more: &[&str]) -> Ran {
 
 #[test]
 fn what_was_taken_and_told_is_recorded() {
-    let [fixes, motions, reference] = logs(&folder("honest-told"), "90031");
+    let [fixes, motions, reference] = gnss_logs(&folder("honest-told"), "90031", &[]);
     let more = [
         "--reference",
         text(&reference),
@@ -129,7 +122,7 @@ fn what_was_taken_and_told_is_recorded() {
 
 #[test]
 fn logs_that_cannot_be_right_are_noted() {
-    let [fixes, motions, reference] = logs(&folder("honest-noted"), "90032");
+    let [fixes, motions, reference] = gnss_logs(&folder("honest-noted"), "90032", &[]);
     let noted = |ran: &Ran, what: &str| {
         assert_eq!(ran.code, Some(3), "{what}: {}", ran.said);
         let together = ran.summary["notes"]["together"].to_string();
@@ -207,7 +200,7 @@ fn logs_that_cannot_be_right_are_noted() {
 
 #[test]
 fn refusals_say_what_is_missing() {
-    let [fixes, motions, _] = logs(&folder("honest-refused"), "90033");
+    let [fixes, motions, _] = gnss_logs(&folder("honest-refused"), "90033", &[]);
     let refused = |fixes: &Path, what: &str| {
         for filter in ["refined", "published"] {
             let ran = run(fixes, &motions, &["--filter", filter]);
@@ -248,7 +241,7 @@ fn refusals_say_what_is_missing() {
 
 #[test]
 fn a_late_begin_and_held_samples_are_said() {
-    let [fixes, motions, _] = logs(&folder("honest-late"), "90034");
+    let [fixes, motions, _] = gnss_logs(&folder("honest-late"), "90034", &[]);
     let late = changed(&fixes, "late.txt", |i| i == 0 || i > 40, |_, _| None);
     let ran = run(&late, &motions, &[]);
     assert_eq!(ran.code, Some(0), "{}", ran.said);
@@ -279,7 +272,7 @@ fn a_late_begin_and_held_samples_are_said() {
 /// `--every` is seconds in both filters: a log at two fixes a second is thinned to the same.
 #[test]
 fn every_is_seconds() {
-    let [fixes, motions, _] = logs(&folder("honest-every"), "90035");
+    let [fixes, motions, _] = gnss_logs(&folder("honest-every"), "90035", &[]);
     let sparse = changed(&fixes, "sparse.txt", |i| i == 0 || i % 2 == 1, |_, _| None);
     let used = |fixes: &Path| {
         let ran = run(fixes, &motions, &["--filter", "published", "--every", "10"]);

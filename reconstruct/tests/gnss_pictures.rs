@@ -19,7 +19,7 @@ use reconstruct::gnss::stands;
 use reconstruct::gnss::{experiments, trial};
 use reconstruct::simulate::city::{self, BoxSheet};
 use schema::num::real;
-use support::{folder, reconstruct, stderr, stdout};
+use support::{folder, gnss_logs, reconstruct, stderr, stdout};
 
 /// Elements of a text that an XML parser reads to its end.
 fn elements(text: &str) -> usize {
@@ -33,19 +33,6 @@ fn elements(text: &str) -> usize {
             Err(error) => panic!("{error} at {}", reader.error_position()),
         }
     }
-}
-
-fn logs(dir: &Path, seed: &str) -> [PathBuf; 3] {
-    let made = reconstruct(&[
-        "gnss",
-        "simulate",
-        "--seed",
-        seed,
-        "--out",
-        dir.to_str().unwrap(),
-    ]);
-    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
-    ["fixes", "motions", "reference"].map(|n| dir.join(format!("{n}-{seed}.txt")))
 }
 
 fn gnss(command: &str, logs: &[PathBuf], out: &Path, more: &[&str]) -> std::process::Output {
@@ -64,7 +51,7 @@ fn text(path: &Path) -> String {
 #[test]
 fn a_drive_is_drawn_with_and_without_a_reference() {
     let dir = folder("gnss-pictures");
-    let files = logs(&dir, "90023");
+    let files = gnss_logs(&dir, "90023", &[]);
     // A name that would be a tag.
     let hostile = dir.join("<b>&\"x.txt");
     std::fs::copy(&files[2], &hostile).unwrap();
@@ -116,7 +103,7 @@ fn a_drive_is_drawn_with_and_without_a_reference() {
 #[test]
 fn outages_are_measured_and_drawn() {
     let dir = folder("gnss-outages");
-    let files = logs(&dir, "90024");
+    let files = gnss_logs(&dir, "90024", &[]);
     let out = dir.join("out");
     let done = gnss("outages", &files, &out, &["--json"]);
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use reconstruct::gnss::analyse::{self, Logs, Settings, json, page, pictures, tables};
-use reconstruct::gnss::drive::Drive;
 use reconstruct::gnss::read::Read;
 use reconstruct::gnss::reference::Reference;
 use reconstruct::gnss::rows::{Fix, Motion, Row};
@@ -183,16 +182,13 @@ fn examined(
     let drives = logs::drives(&motions, &axes, &fixed).ok()?;
     let mut said = gnss_logs::examined(&drives, &motions).notes();
     said.extend(clocks::delay_note(&fixes, &motions, latency_s));
-    let same = |f: &&Fix| (f.head.leg.drive, f.head.leg.leg) == (leg.drive, leg.leg);
-    let mut marks: Vec<Fix> = reference.iter().chain(own).filter(same).copied().collect();
-    let of_reference = |f: &Fix| f.head.leg.equipment == analyse::REFERENCE;
-    if reference.is_empty() || marks.iter().any(of_reference) {
-        marks.retain(of_reference);
-    } else {
-        marks.retain(|f| f.head.leg.equipment != leg.equipment);
+    let mut marks = reference.to_vec();
+    if marks.is_empty() {
+        let beside = |f: &&Fix| f.head.leg.equipment == analyse::REFERENCE;
+        marks = own.iter().filter(beside).copied().collect();
     }
-    let drive = Drive::joined(&drives);
-    said.extend(clocks::reference_note(&drive, &Reference::of_rows(&marks)));
+    let marks = Reference::of_rows(&gnss_logs::of_reference(marks, leg));
+    said.extend(clocks::reference_note(&fixed, &marks));
     Some(said)
 }
 

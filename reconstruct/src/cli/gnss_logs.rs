@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-use reconstruct::gnss::drive::Drive;
+use reconstruct::gnss::drive::{Drive, Fixed};
 use reconstruct::gnss::read::{Read, Tolerance, read_fixes, read_motions};
 use reconstruct::gnss::reference::Reference;
 use reconstruct::gnss::rows::{Fix, Leg, Motion, Row};
@@ -166,14 +166,18 @@ impl Logs {
         self.together.extend(notes);
     }
 
-    /// Looks whether the logs can be what they are taken for, and notes what speaks against it. The drives have all their
-    /// fixes; axes and units are looked at in the longest.
-    pub(crate) fn examine(&mut self, drives: &[Drive], latency_s: f64) -> plausible::Found {
+    /// Looks whether the logs can be what they are taken for, and notes what speaks against it. Drives and `fixes` are all there
+    /// are; axes and units are looked at in the longest drive.
+    pub(crate) fn examine(
+        &mut self,
+        drives: &[Drive],
+        fixes: &[Fixed],
+        latency_s: f64,
+    ) -> plausible::Found {
         let found = examined(drives, &self.motions);
-        let drive = &Drive::joined(drives);
         let mut notes = found.notes();
         notes.extend(clocks::delay_note(&self.fixes, &self.motions, latency_s));
-        notes.extend(clocks::reference_note(drive, &self.reference));
+        notes.extend(clocks::reference_note(fixes, &self.reference));
         self.note(notes);
         found
     }
@@ -394,16 +398,7 @@ fn reference_rows(
     fixes: Leg,
     path: &Path,
 ) -> Result<Vec<Fix>, CliError> {
-    let mut rows = read.select(None, choice.drive, choice.leg);
-    let narrow = |rows: &mut Vec<Fix>, of: &dyn Fn(Leg) -> u32, wanted: u32| {
-        let first = rows.first().map(|f| of(f.head.leg));
-        if rows.iter().any(|f| Some(of(f.head.leg)) != first) {
-            rows.retain(|f| of(f.head.leg) == wanted);
-        }
-    };
-    narrow(&mut rows, &|l| l.equipment, analyse::REFERENCE);
-    narrow(&mut rows, &|l| l.drive, fixes.drive);
-    narrow(&mut rows, &|l| l.leg, fixes.leg);
+    let rows = of_reference(read.select(None, choice.drive, choice.leg), fixes);
     if rows.is_empty() {
         return Err(failed(&format!(
             "{}: expected a reference of equipment {}, drive {} and leg {}, found {}",
@@ -415,6 +410,20 @@ fn reference_rows(
         )));
     }
     Ok(rows)
+}
+
+/// Of rows of several equipments those of the reference receiver, of several drives or legs those of the fixes.
+pub(crate) fn of_reference(mut rows: Vec<Fix>, fixes: Leg) -> Vec<Fix> {
+    let narrow = |rows: &mut Vec<Fix>, of: &dyn Fn(Leg) -> u32, wanted: u32| {
+        let first = rows.first().map(|f| of(f.head.leg));
+        if rows.iter().any(|f| Some(of(f.head.leg)) != first) {
+            rows.retain(|f| of(f.head.leg) == wanted);
+        }
+    };
+    narrow(&mut rows, &|l| l.equipment, analyse::REFERENCE);
+    narrow(&mut rows, &|l| l.drive, fixes.drive);
+    narrow(&mut rows, &|l| l.leg, fixes.leg);
+    rows
 }
 
 /// Several legs in one log are several drives on several clocks: one has to be chosen.

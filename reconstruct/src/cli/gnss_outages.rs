@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let drives = logs::drives(&logs.motions, &axes, &fixed).map_err(|e| failed(&e))?;
     let whole = one(&drives)?;
     logs::startable(&whole).map_err(|e| failed(&e))?;
-    let plausible = logs.examine(std::slice::from_ref(&whole), args.logs.choice.latency);
+    let plausible = logs.examine(&drives, &fixed, args.logs.choice.latency);
     let found = Detector::default().detect(&whole);
     let known = sheet.heard(&whole, &found);
     let input = logs::published(&logs.motions, &axes, &logs.fixes);

@@ -194,15 +194,15 @@ pub(crate) fn refined(
     Ok(out)
 }
 
-/// That of S00: it has no clock but a step a sample, and goes over every hole as if it were not there.
+/// That of S00, over all drives as one and with each for the stops: it has no clock but a step a sample, and goes over every hole as if it were not there.
 pub(crate) fn published(
     args: &Args,
     sheet: &Sheet,
     logs: &Logs,
+    drive: &Drive,
     drives: &[Drive],
     speeds: &[Speed],
 ) -> Result<Reckoned, CliError> {
-    let drive = Drive::joined(drives);
     logs::startable(&drive.thinned(args.every)).map_err(|e| failed(&e))?;
     let latency_s = args.logs.choice.latency;
     let mut input = logs::published(&logs.motions, &args.logs.choice.axes.into(), &logs.fixes);

@@ -84,10 +84,10 @@ pub(crate) fn run(args: &Args) -> Result<u8, CliError> {
     let drive = Drive::joined(&drives);
     let speeds = fed_speeds(args, &logs, &drive)?;
     logs.note(unfed(args, &speeds, &drives).into_iter().collect());
-    let plausible = logs.examine(&drives, latency_s);
+    let plausible = logs.examine(&drives, &fixed, latency_s);
     let mut reckoned = match args.filter {
         Filter::Refined => gnss_reckon::refined(args, &sheet, &drives, &speeds)?,
-        Filter::Published => gnss_reckon::published(args, &sheet, &logs, &drives, &speeds)?,
+        Filter::Published => gnss_reckon::published(args, &sheet, &logs, &drive, &drives, &speeds)?,
     };
     logs.note(std::mem::take(&mut reckoned.notes));
     let found = reckoned

@@ -1,6 +1,6 @@
 //! Do logs run on one clock? What the stamps and the speeds that two receivers give tell of it.
 
-use super::drive::{Drive, Fixed};
+use super::drive::Fixed;
 use super::reference::{Mark, Reference};
 use super::rows::{Fix, Head, Motion, Row};
 
@@ -77,13 +77,13 @@ pub fn delay_note(fixes: &[Fix], motions: &[Motion], latency_s: f64) -> Option<S
 
 /// What there is to note of a reference beside the fixes, `None` where they agree or there is nothing to compare.
 #[must_use]
-pub fn reference_note(drive: &Drive, reference: &Reference) -> Option<String> {
+pub fn reference_note(fixes: &[Fixed], reference: &Reference) -> Option<String> {
     let spans = [
-        [drive.fixes.first()?.t_s, drive.fixes.last()?.t_s],
+        [fixes.first()?.t_s, fixes.last()?.t_s],
         [reference.marks.first()?.t_s, reference.marks.last()?.t_s],
     ];
     let apart = spans[0][0] > spans[1][1] || spans[1][0] > spans[0][1];
-    let shift = shift(&drive.fixes, reference);
+    let shift = shift(fixes, reference);
     let by = shift.map_or_else(String::new, |s| {
         format!("; the speeds of both agree with the reference {s:+.2} s of its stamps away")
     });
@@ -186,22 +186,22 @@ mod tests {
         let fixed = logs::fixes(&fixes, sheet.latency_s, &Sheet::default());
         let drive = logs::drive(&motions, &Axes::Car, fixed, Vec::new()).unwrap();
         let reference = Reference::of_rows(&rows);
-        assert_eq!(reference_note(&drive, &reference), None);
+        assert_eq!(reference_note(&drive.fixes, &reference), None);
         for by in [-30.0, -1.5, 1.0, 2.0, 30.0] {
             let mut moved = reference.clone();
             moved.marks.iter_mut().for_each(|m| m.t_s += by);
             let found = shift(&drive.fixes, &moved).unwrap_or(f64::NAN);
             assert!((found - by).abs() < 0.25, "{by} {found}");
             assert!(
-                reference_note(&drive, &moved)
+                reference_note(&drive.fixes, &moved)
                     .unwrap()
                     .contains("another clock")
             );
         }
         let mut moved = reference.clone();
         moved.marks.iter_mut().for_each(|m| m.t_s += 5000.0);
-        let note = reference_note(&drive, &moved).unwrap();
+        let note = reference_note(&drive.fixes, &moved).unwrap();
         assert!(note.contains("expected one on the box's clock"), "{note}");
-        assert_eq!(reference_note(&drive, &Reference::default()), None);
+        assert_eq!(reference_note(&drive.fixes, &Reference::default()), None);
     }
 }

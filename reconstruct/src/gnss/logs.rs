@@ -107,6 +107,14 @@ pub fn place(row: &Fix) -> Geodetic {
     }
 }
 
+/// Rows in the car's axes, each stamp once.
+fn stamped(motions: &[Motion], axes: &Axes) -> Vec<Stamped> {
+    without_repeats(motions)
+        .iter()
+        .map(|row| axes.turned(row))
+        .collect()
+}
+
 /// A drive from both logs.
 ///
 /// # Errors
@@ -117,11 +125,7 @@ pub fn drive(
     fixes: Vec<Fixed>,
     speeds: Vec<Speed>,
 ) -> Result<Drive, ReckonError> {
-    let samples: Vec<Stamped> = without_repeats(motions)
-        .iter()
-        .map(|row| axes.turned(row))
-        .collect();
-    Drive::new(&samples, fixes, speeds)
+    Drive::new(&stamped(motions, axes), fixes, speeds)
 }
 
 /// The same where the samples have holes that no drive bridges ([`LONGEST_HOLE_S`]): the drives between them, in order. A fix
@@ -130,10 +134,7 @@ pub fn drive(
 /// # Errors
 /// [`ReckonError::Drive`]: fewer than two samples without a hole between them, or stamps that do not rise.
 pub fn drives(motions: &[Motion], axes: &Axes, fixes: &[Fixed]) -> Result<Vec<Drive>, ReckonError> {
-    let samples: Vec<Stamped> = without_repeats(motions)
-        .iter()
-        .map(|row| axes.turned(row))
-        .collect();
+    let samples = stamped(motions, axes);
     let mut out: Vec<Drive> = Vec::new();
     for list in samples.chunk_by(|a, b| b.0 - a.0 <= LONGEST_HOLE_S) {
         if list.len() > 1 {

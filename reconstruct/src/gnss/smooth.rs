@@ -7,9 +7,9 @@ use crate::error_model::STATES;
 use crate::refined::states::{BG, Row};
 use crate::smooth::rts::Adjoint;
 
-/// Periods of which the sweep holds all at once, 9 kB each; four minutes at 50 Hz. Of a longer drive the forward pass is run
+/// Periods of which the sweep holds all at once, some 13 kB each; four minutes at 50 Hz. Of a longer drive the forward pass is run
 /// again from where it stood before each such stretch, from the last to the first: a day of driving costs the time of two
-/// forward passes and not 13 GB.
+/// forward passes and not 18 GB.
 const HELD: usize = 12_000;
 
 /// Runs the filter from `start` to the end of the drive ([`super::forward::run`]) and back: the pass, and the smoothed states,
@@ -40,22 +40,22 @@ fn by_stretches(
         from..(from + held).min(drive.periods.len())
     };
     let mut estimates = Vec::with_capacity(count);
-    let mut marks = Vec::with_capacity(count.div_ceil(held));
+    let stretches = count.div_ceil(held);
+    let mut marks = Vec::with_capacity(stretches);
     let mut taken = Stretch::empty();
-    for number in 0..count.div_ceil(held) {
+    for number in 0..stretches {
         marks.push(runner.clone());
-        taken = Stretch::empty();
+        let last = number + 1 == stretches;
         for k in stretch(number) {
-            estimates.push(runner.epoch(k, Some(&mut taken))?);
+            estimates.push(runner.epoch(k, last.then_some(&mut taken))?);
         }
     }
     let passed = runner.passed(estimates);
     let mut out = passed.estimates.clone();
     let mut adjoint = Adjoint::last();
-    let last = marks.len();
     while let Some(mut runner) = marks.pop() {
         let list = stretch(marks.len());
-        if marks.len() + 1 < last {
+        if marks.len() + 1 < stretches {
             taken = Stretch::empty();
             for k in list.clone() {
                 runner.epoch(k, Some(&mut taken))?;

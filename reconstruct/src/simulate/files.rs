@@ -40,13 +40,13 @@ impl Simulated {
             message: error.to_string(),
         };
         fs::create_dir_all(folder).map_err(|error| failed(folder, &error))?;
-        let (mut config, mut facts) = (self.config(&dbc), self.facts_json()?);
-        let mut nmea = None;
+        let (mut config, mut nmea) = (self.config(&dbc), None);
+        let mut facts = self.facts_json()?;
         if let Some(receiver) = receiver {
             let utc_offset_ns = self.truth.facts.start_unix_s * 1_000_000_000;
             let received = receive(self, receiver, self.scenario.seed, 0, utc_offset_ns);
             config.push_str(&table(receiver));
-            facts = Self::placed(&received, &facts)?;
+            facts = self.placed(&received)?;
             nmea = Some(nmea::log(&received.gnss.fixes, utc_offset_ns));
         }
         let mut files = vec![
@@ -67,12 +67,12 @@ impl Simulated {
     }
 
     /// The facts with place and heading of the truth's origin, where the car comes to rest, and the receiver's true delay.
-    fn placed(received: &Received, facts: &str) -> Result<String, SimulateError> {
+    fn placed(&self, received: &Received) -> Result<String, SimulateError> {
         let failed = |error: serde_json::Error| SimulateError::Write {
             path: "facts".to_owned(),
             message: error.to_string(),
         };
-        let mut value: serde_json::Value = serde_json::from_str(facts).map_err(failed)?;
+        let mut value = serde_json::to_value(&self.truth.facts).map_err(failed)?;
         let pose = &received.pose;
         value["receiver"] = json!({
             "rest": {

@@ -20,6 +20,15 @@ use schema::{Record, block, num};
 /// Monotonic time of the simulation's t = 0, s.
 const MONOTONIC_S: i64 = 100;
 
+/// Fixes, motions and reference of a simulated drive in both formats of S00, by the program; `more` are further options.
+pub(crate) fn gnss_logs(dir: &Path, seed: &str, more: &[&str]) -> [PathBuf; 3] {
+    let to = dir.to_str().unwrap();
+    let args = [&["gnss", "simulate", "--seed", seed, "--out", to], more].concat();
+    let made = reconstruct(&args);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    ["fixes", "motions", "reference"].map(|n| dir.join(format!("{n}-{seed}.txt")))
+}
+
 /// A crash and its record: 30 s before the trigger to the end.
 pub(crate) fn crash(class: Class, seed: u64) -> (Simulated, Record) {
     let simulated = simulate(&Scenario::draw(class, seed)).unwrap();

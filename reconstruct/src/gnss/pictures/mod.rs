@@ -60,14 +60,18 @@ pub const NO_OUTAGE_S: f64 = 2.5;
 /// Two estimates farther apart in time, s, are on either side of a hole: no line goes over it.
 pub const HOLE_S: f64 = 1.0;
 
-/// Spans of the track without a used fix for more than 2.5 s, s.
-#[must_use]
-pub fn outages(track: &[Estimate], shots: &[Shot]) -> Vec<[f64; 2]> {
-    let used: Vec<f64> = shots
+/// Instants of the fixes that went in, s.
+fn used(shots: &[Shot]) -> impl Iterator<Item = f64> {
+    shots
         .iter()
         .filter(|s| matches!(s.fate, Some(Fate::Used | Fate::Forced)))
         .map(|s| s.fix.t_s)
-        .collect();
+}
+
+/// Spans of the track without a used fix for more than 2.5 s, s.
+#[must_use]
+pub fn outages(track: &[Estimate], shots: &[Shot]) -> Vec<[f64; 2]> {
+    let used: Vec<f64> = used(shots).collect();
     let mut out = Vec::new();
     for drive in track.chunk_by(|a, b| b.t_s - a.t_s < HOLE_S) {
         let [first, last] = [drive[0].t_s, drive[drive.len() - 1].t_s];

@@ -1,9 +1,9 @@
 //! Quantities of a drive over time: deviation, speed and heading, the stop detector, gyro biases.
 
 use super::stage::{Key, Stage, dots, line, range, reduced, strokes, value};
-use super::{HOLE_S, OURS, OUTAGE, RECEIVER, Shown, TRUTH};
+use super::{HOLE_S, OURS, OUTAGE, RECEIVER, Shown, TRUTH, used};
 use crate::error_model::{ATT, VEL};
-use crate::gnss::forward::{Estimate, Fate};
+use crate::gnss::forward::Estimate;
 use crate::gnss::published::constants::GATE;
 use crate::gnss::stands::spans;
 use crate::gnss::stop::{self, Detector};
@@ -27,24 +27,24 @@ fn span(shown: &Shown<'_>) -> [f64; 2] {
     ]
 }
 
-fn used(shown: &Shown<'_>) -> impl Iterator<Item = f64> {
-    shown
-        .shots
-        .iter()
-        .filter(|s| matches!(s.fate, Some(Fate::Used | Fate::Forced)))
-        .map(|s| s.fix.t_s)
+/// Points with a break before each that comes more than `hole_s` behind the one before.
+fn broken(points: impl Iterator<Item = (f64, Option<f64>, f64)>, hole_s: f64) -> Points {
+    let mut out = Points::new();
+    for point in points {
+        if out.last().is_some_and(|l| point.0 - l.0 > hole_s) {
+            out.push((point.0, None, 0.0));
+        }
+        out.push(point);
+    }
+    out
 }
 
 fn quantity(track: &[Estimate], of: impl Fn(&Estimate) -> (f64, f64)) -> Points {
-    let mut out: Points = Vec::with_capacity(track.len());
-    for e in track {
+    let points = track.iter().map(|e| {
         let (v, variance) = of(e);
-        if out.last().is_some_and(|l| e.t_s - l.0 > HOLE_S) {
-            out.push((e.t_s, None, 0.0));
-        }
-        out.push((e.t_s, Some(v), TWO_SIDED * variance.max(0.0).sqrt()));
-    }
-    out
+        (e.t_s, Some(v), TWO_SIDED * variance.max(0.0).sqrt())
+    });
+    broken(points, HOLE_S)
 }
 
 fn ours(points: Points) -> Series {
@@ -63,14 +63,8 @@ pub fn deviation(shown: &Shown<'_>) -> Option<String> {
         return None;
     }
     let of = |f: fn(&super::Second) -> f64| -> Points {
-        let mut out: Points = Vec::with_capacity(shown.seconds.len());
-        for s in shown.seconds {
-            if out.last().is_some_and(|l| s.t_s - l.0 > 2.5) {
-                out.push((s.t_s, None, 0.0));
-            }
-            out.push((s.t_s, Some(f(s)), 0.0));
-        }
-        reduced(out, f64::INFINITY)
+        let seconds = shown.seconds.iter().map(|s| (s.t_s, Some(f(s)), 0.0));
+        reduced(broken(seconds, 2.5), f64::INFINITY)
     };
     let (off, bound) = (of(|s| s.off_m), of(|s| s.bound_m));
     let mut own = Vec::new();
@@ -92,7 +86,7 @@ pub fn deviation(shown: &Shown<'_>) -> Option<String> {
             dots(svg, panel, own.into_iter(), RECEIVER);
             panel.series(svg, &line(bound, OURS[0], "6 4"));
             panel.series(svg, &line(off, TRUTH, ""));
-            strokes(svg, panel, used(shown), RECEIVER);
+            strokes(svg, panel, used(shown.shots), RECEIVER);
         },
     );
     stage.legend(&[
@@ -245,14 +239,7 @@ pub fn stops(shown: &Shown<'_>) -> String {
     let list = stop::variances(drive, 51.0 * dt);
     let of = |f: &dyn Fn(&[nalgebra::Vector3<f64>; 2]) -> f64| -> Points {
         let all = drive.periods.iter().zip(&list).skip(50);
-        let mut out: Points = Vec::with_capacity(list.len());
-        for (p, v) in all {
-            if out.last().is_some_and(|l| p.t_s - l.0 > HOLE_S) {
-                out.push((p.t_s, None, 0.0));
-            }
-            out.push((p.t_s, log(f(v)), 0.0));
-        }
-        out
+        broken(all.map(|(p, v)| (p.t_s, log(f(v)), 0.0)), HOLE_S)
     };
     let level_sum = of(&|v| v[0].x + v[0].y);
     let rates = of(&|v| v[1].sum());
